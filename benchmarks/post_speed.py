@@ -63,6 +63,8 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["rheology", "--plot", "rheology.png"], 10.0),
     (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 20.0),
     (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
+    (["mixing", "--plot", "mixing.png"], 10.0),
+    (["avalanches", "--of", "kinetic", "--plot", "drops.png"], 10.0),
     (["energy", "--plot", "energy.png"], 10.0),
     (["compare", "DIR"], 10.0),
 ]
@@ -88,7 +90,9 @@ def make_model(columns: int, rows: int) -> Model:
         [[2.0 * RADIUS * (k + 0.5), y, RADIUS, 0.0] for y in (0.0, height) for k in range(columns)]
     )
     return Model(
-        grains=Grains(radius, mass, 0.5 * mass * radius**2, zeros, zeros),
+        grains=Grains(
+            radius, mass, 0.5 * mass * radius**2, zeros, np.arange(n, dtype=np.int32) % 2
+        ),
         shapes=WallShapes(
             np.full(2 * columns, ShapeKind.DISC, np.int32),
             np.repeat(np.array([0, 1], np.int32), columns),
@@ -111,7 +115,7 @@ def make_model(columns: int, rows: int) -> Model:
             np.zeros(0),
         ),
         materials=("steel",),
-        groups=("grains",),
+        groups=("even", "odd"),
         period=2.0 * RADIUS * columns,
         gravity=np.zeros(2),
         shape_factor=2.0,

@@ -26,11 +26,11 @@ from multicor_cli.cli.post_output import (
     selected,
     shows_table,
 )
-from multicor_cli.text import count_noun
+from multicor_cli.text import count_noun, unit_sign
 
 if TYPE_CHECKING:
     from multicor_cli.model.shapes import Area
-    from multicor_cli.post import GrainMap
+    from multicor_cli.post import GrainMap, Selection
     from multicor_cli.store import Run
 
 # ---- Commands `post profile`, `post theta-eta`, `post map`
@@ -76,6 +76,9 @@ _GROUP = "Count the grains of this group only; several times for several."
 Groups = Annotated[list[str] | None, option("--group NAME", _GROUP, "all")]
 _STREAMLINES = "Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
 Streamlines = Annotated[bool, option("--streamlines/--no-streamlines", _STREAMLINES)]
+
+_SCALE = "Values (in the unit of the field) that the colors span: the same for several pictures."
+Scale = Annotated[str | None, option("--scale MIN:MAX", _SCALE, "what the frame has")]
 
 
 def profile(
@@ -170,6 +173,7 @@ def map_grains(
     of: MapOf = "temperature",
     frame: OneFrame = -1,
     has_streamlines: Streamlines = True,
+    scale: Scale = None,
 ) -> Shown:
     """Show a quantity of every grain of one frame: a table of its distribution, the grains as data,
     a map as figure.
@@ -178,12 +182,31 @@ def map_grains(
     "heat" is what friction and impacts have generated since the frame before; "stress" the mean
     pressure in a grain by its contact forces, their sum over the circumference.
     """
+    ends = None if scale is None else parse_ends(scale, "--scale")
     from multicor_cli import post
 
     with store.open_run(directory) as run:
         table = post.grain_map(run, of, frame)
+    if ends is not None and table.names:
+        raise typer.BadParameter(f"a {table.field.label} has no scale", param_hint="--scale")
+    if ends is not None and table.field.scale == "logarithmic" and not ends[0] > 0.0:
+        raise typer.BadParameter("a logarithmic scale begins above 0", param_hint="--scale")
     about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
-    return Shown(table, about, directory, drawing={"has_streamlines": has_streamlines})
+    drawing = {"has_streamlines": has_streamlines, "ends": ends}
+    return Shown(table, about, directory, drawing=drawing)
+
+
+def parse_ends(text: str, option: str) -> tuple[float, float]:
+    """Two numbers ``MIN:MAX``; refuses a text that is none, or whose numbers do not ascend."""
+    try:
+        low, high = (float(part) for part in text.split(":"))
+        if not -math.inf < low < high < math.inf:
+            raise ValueError
+    except ValueError:
+        raise typer.BadParameter(
+            f"'{text}' is no range; write MIN:MAX, as 0:0.5", param_hint=option
+        ) from None
+    return low, high
 
 
 # ---- Commands `post forces`, `post rheology`: what the contacts carry
@@ -201,6 +224,8 @@ Margin = Annotated[
 ]
 _MANY = "With --distribution or --angles: the frames to average over."
 ManyFrames = Annotated[str | None, option("--frames A:B[:STEP]", _MANY, False)]
+_UNIT = "Force (in N) of a line 0.15 mean diameters wide: the same for several pictures."
+UnitForce = Annotated[float | None, option("--scale F", _UNIT, "the mean normal force")]
 
 
 def forces(
@@ -209,6 +234,7 @@ def forces(
     has_distribution: Distribution = False,
     has_angles: Angles = False,
     frames: ManyFrames = None,
+    unit: UnitForce = None,
 ) -> Shown:
     """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV,
     the network as figure.
@@ -217,10 +243,14 @@ def forces(
     forces between grains over their mean. With --angles: the directions of contacts between grains,
     the mean forces along them, and their anisotropies.
     """
-    from multicor_cli import post
-
     if has_distribution and has_angles:
         raise typer.BadParameter("--distribution and --angles exclude each other")
+    if unit is not None and (has_distribution or has_angles or not 0.0 < unit < math.inf):
+        raise typer.BadParameter(
+            "--scale is the positive force of a line in the figure of the network"
+        )
+    from multicor_cli import post
+
     if not (has_distribution or has_angles):
         if frames is not None:
             raise typer.BadParameter(
@@ -229,7 +259,7 @@ def forces(
         with store.open_run(directory) as run:
             network = post.force_network(run, frame)
         about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
-        return Shown(network, about, directory)
+        return Shown(network, about, directory, drawing={"unit": unit})
     wanted = parse_frames(frames)
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
@@ -405,6 +435,94 @@ def _about_grains(table: Any, more: str = "") -> str:
     return "\n".join(filter(None, (f"{span}, {grains}", more, table.note)))
 
 
+# ---- Commands `post mixing`, `post residence`, `post avalanches`: groups, stays, sudden drops
+
+_IN_CELL = "Grains in a cell; the index depends on it."
+CellGrains = Annotated[float, option("--cell N", _IN_CELL)]
+_MIXED = "Groups that count, in this order; several times for several."
+MixedGroups = Annotated[list[str] | None, option("--group NAME", _MIXED, "all")]
+SeriesStart = Annotated[float | None, option("--from T", "Earliest time, in s.", "the start")]
+
+
+def chosen_of_all(start: float | None, end: float | None, frames: str | None) -> Selection:
+    """The frames that the options choose; all without them."""
+    if start is None and end is None and frames is None:
+        frames = ":"
+    return selected(start, end, frames)
+
+
+def mixing(
+    directory: RunPath,
+    cell: CellGrains = 10.0,
+    groups: MixedGroups = None,
+    start: SeriesStart = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure over time how well groups of grains are mixed: Lacey's index, 0 where they are apart
+    and 1 where chance places them; and how far their mean heights are apart.
+
+    Cells hold equal numbers of grains. The separation is 1 with the first group on top, -1 below.
+    Concentrations over the height are profiles: post profile --of solid-fraction --group NAME.
+    """
+    from multicor_cli import post
+
+    chosen = chosen_of_all(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.mixing(run, chosen, cell=cell, groups=groups or ())
+    about = _span(table.frames.size, "frame", table.times)
+    about += f", {table.cells:.4g} cells of {table.cell_grains:.3g} grains; by chance M is 1 ± "
+    return Shown(table, f"{about}{table.random_scatter:.2g} in a frame", directory)
+
+
+def residence(
+    directory: RunPath, start: SeriesStart = None, end: End = None, frames: Frames = None
+) -> Shown:
+    """Measure how long grains stay between where they are released and an outlet: means with
+    errors and medians of all and of each group; the survival as JSON and figure, stays as CSV.
+
+    Stays of grains that are still inside count as longer than that (Kaplan and Meier). Grains that
+    are there in the first frame do not count. That needs scipy.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.residence(run, chosen_of_all(start, end, frames))
+    about = f"{_span(table.frames.size, 'frame', table.times)}; not counted: "
+    about += f"{count_noun(table.first, 'grain')} of the first frame"
+    if table.lost:
+        about += f"; {count_noun(table.lost, 'stay')} ended beside the outlets"
+    return Shown(table, about, directory)
+
+
+_COLUMN = "The column, as kinetic or 'top: force_x'."
+OneColumn = Annotated[str, option("--of COLUMN", _COLUMN, False, autocompletion=options.columns)]
+_DROP = "Smallest drop that counts, in the unit of the column."
+Threshold = Annotated[float | None, option("--threshold X", _DROP, "its standard deviation")]
+
+
+def avalanches(
+    directory: RunPath,
+    of: OneColumn,
+    threshold: Threshold = None,
+    start: SeriesStart = None,
+    end: End = None,
+) -> Shown:
+    """Find sudden drops of a column of the time series, as of a force in stick and slip: numbers,
+    sizes, durations and waiting times with errors; the single drops as CSV.
+
+    A drop goes from a local maximum to the minimum that follows. An exponent of their sizes is
+    given where they are compatible with a power law, else why not.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.avalanches(run, of, start, end, threshold=threshold)
+    about = f"{table.of} from t = {table.times[0]:g} s to {table.times[1]:g} s, drops of at least "
+    about += f"{table.threshold:.4g} {unit_sign(table.unit)}"
+    return Shown(table, "\n".join(filter(None, (about, table.note))), directory)
+
+
 # ---- Command `post region`: what is inside a part of the plane
 
 EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
@@ -418,8 +536,8 @@ Place = Annotated[str, option("--in REGION", _PLACE, False)]
 def region(
     directory: RunPath, place: Place, start: Start = None, end: End = None, frames: Frames = None
 ) -> Shown:
-    """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress
-    of contacts and of fluctuations.
+    """Measure what is inside a region: solid fraction, coordination number, velocity, temperature,
+    contact stress and kinetic stress.
 
     The table holds means over the frames and their standard errors, CSV one row per frame, JSON and
     figure both. Grains count with the part of their area that lies inside, contacts with that of
@@ -621,7 +739,6 @@ ColumnNames = Annotated[
         autocompletion=options.columns,
     ),
 ]
-SeriesStart = Annotated[float | None, option("--from T", "Earliest time, in s.", "the start")]
 _LINE = "The line (in m); what crosses to its left is positive."
 Line = Annotated[str, option("--line X0,Y0:X1,Y1", _LINE)]
 
@@ -727,6 +844,9 @@ COMMANDS = {
     "conductivity": shows_table(conductivity),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),
+    "mixing": shows_table(mixing),
+    "residence": shows_table(residence),
+    "avalanches": shows_table(avalanches),
     "region": shows_table(region),
     "fields": shows_table(fields),
     "energy": shows_table(energy),

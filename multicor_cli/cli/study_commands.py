@@ -116,14 +116,21 @@ def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) ->
             "estimate": {
                 "core_hours": found.hours, "disk_bytes": found.disk,
                 "memory_bytes_per_case": found.memory, "placed": found.placed,
-                "cases_left": found.cases,
+                "cases_left": found.cases, "runs_measured": found.measured,
             },
             "doubtful": [{"case": name, **check.as_dict()} for name, check in found.doubtful],
         })  # fmt: skip
         return
     hours, disk = "unknown: a stage has no known end", "unknown"
-    if found.hours is not None:
-        hours = console.format_seconds(3600.0 * found.hours)
+    if not found.cases:
+        hours = "none"
+    elif found.hours is not None:
+        hours = f"about {console.format_seconds(3600.0 * found.hours)} on one core, estimated from "
+        hours += count_noun(found.placed, "case")
+        if found.measured:
+            hours += f" and from what {count_noun(found.measured, 'finished run')} took"
+        elif found.cases > 1:
+            hours += " before any has run; runs beside each other take longer"
     if found.disk is not None:
         disk = f"about {format_bytes(found.disk)}"
     first, last = session.cases[0].name, session.cases[-1].name
@@ -133,7 +140,7 @@ def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) ->
         ("cases", f"{len(session.cases)}, from {first} to {last}"),
         ("grains", f"{found.grains} at most"),
         ("left", count_noun(found.cases, "case")),
-        ("time", f"{hours} on one core, estimated from {count_noun(found.placed, 'case')}"),
+        ("time", hours),
         ("disk", disk),
         ("memory", f"{format_bytes(found.memory)} for each case at a time"),
     ])  # fmt: skip
@@ -392,11 +399,11 @@ class StudyProgress:
             console.say(f"  {case.name}{_how_far(state.share, state.remaining)}")
 
     def _time_left(self, now: float, done: float) -> str:
-        """Time left, at the speed since the first look: earlier work is not this session's."""
+        """Time left at the speed measured in this session, as an estimate."""
         if self._first is None:
             self._first = now, done
         since, before = now - self._first[0], done - self._first[1]
-        return _left(since * (1.0 - done) / before) if before > 0.01 else ""
+        return f"about {_left(since * (1.0 - done) / before)}" if before > 0.01 else ""
 
     def stopping(self) -> None:
         self._say("stopping: running cases write their checkpoints")

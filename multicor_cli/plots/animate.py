@@ -15,7 +15,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.grain_map import color_scale, draw_bar, draw_values, place_scene
-from multicor_cli.plots.style import PAGE, PlotError, house_style
+from multicor_cli.plots.style import PAGE, PlotError, house_style, name_frame
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.store.atomic import storage_errors
 from multicor_cli.store.layout import Progress, no_progress
@@ -24,7 +24,6 @@ SUFFIXES = (".mp4", ".gif")
 """Formats of films."""
 
 _SIDES = {".mp4": 1200, ".gif": 800}  # pixels of the longer side of a picture
-_TITLE = 0.32  # room for the time [inch]
 _SAMPLE = 2_000_000  # values that the color scale is made from, at most
 
 
@@ -125,7 +124,7 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
         shown = table.with_(scene=replace(table.scene, box=stage.box))
         is_first = place is None
         if place is None:
-            place = place_scene(figure, shown.scene, top=_TITLE, width=PAGE)
+            place = place_scene(figure, shown.scene, width=PAGE)
             # even numbers of pixels, the larger of them ``most``
             sides = figure.get_size_inches()
             figure.dpi = most / max(sides)
@@ -136,7 +135,7 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
         discs = draw_values(place.axes, shown, stage.scale[0], has_streamlines=False)
         if is_first:
             draw_bar(place.bar, shown, discs, stage.scale[1])
-        place.axes.set_title(f"$t$ = {shown.time:.4g} s", fontsize=8.0)
+        name_frame(place.axes, shown.time, shown.frame)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())
 

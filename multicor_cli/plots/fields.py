@@ -10,7 +10,6 @@ from multicor_cli.plots.grain_map import add_color_bar, draw_walls, place_scene
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
-    HOLLOW,
     Renderer,
     Terminal,
     TextLine,
@@ -19,8 +18,10 @@ from multicor_cli.plots.style import (
     color_map,
     draw_picture,
     draw_text,
+    draw_with_errors,
     explain_errors,
     legend_above,
+    name_frame,
 )
 from multicor_cli.post.field_sums import Field
 from multicor_cli.post.fields import FieldTable
@@ -38,6 +39,12 @@ def _fill(figure: Any, table: FieldTable) -> None:
     mesh, extend = _draw_mesh(place.axes, table, field)
     draw_walls(place.axes, table.scene)
     add_color_bar(place.bar, mesh, table.scene, field, extend)
+    first, last = table.times
+    if table.frames.size == 1:
+        name_frame(place.axes, first, int(table.frames[0]))
+    else:
+        text = f"mean of {table.frames.size} frames, $t$ = {first:.6g} to {last:.6g} s"
+        place.axes.set_title(text, loc="left", fontsize=8.0, pad=4.0)
 
 
 def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
@@ -83,18 +90,13 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
     units = list(dict.fromkeys(field.unit for field in table.of))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     at = table.points.coordinates[:, 0]
+    style: Any = {"markersize": 2.5, "linewidth": 0.9, "is_upright": False}
     for panel, unit in zip(panels, units, strict=True):
         shown = [field for field in table.of if field.unit == unit]
         for color, field in zip(COLORS, shown, strict=False):
+            style |= {"names": (f"${field.symbol}$", "", ""), "color": color}
             value, error = table.values[field.name], table.error[field.name]
-            known = np.isfinite(error)
-            band: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
-            panel.fill_between(at, value - error, value + error, **band)
-            style: dict[str, Any] = {"color": color, "markersize": 2.5}
-            line = {**style, "markeredgewidth": 0.0, "linewidth": 0.9}
-            panel.plot(at, value, "o-", label=f"${field.symbol}$", **line)
-            if known.any():
-                panel.plot(at[~known], value[~known], "o", **style, **HOLLOW)
+            draw_with_errors(panel, value, at, error, "o", **style)
         panel.set_ylabel(_label(shown))
         panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
         if panel is panels[0]:

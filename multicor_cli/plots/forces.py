@@ -7,16 +7,23 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.grain_map import clip_to_cell, draw_discs, draw_walls, place_scene
+from multicor_cli.plots.grain_map import (
+    clip_to_cell,
+    draw_discs,
+    draw_walls,
+    place_scene,
+)
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     PAGE,
+    TITLE,
     Renderer,
     Terminal,
     TextLine,
     draw_picture,
     draw_text,
+    name_frame,
     show_decades,
 )
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
@@ -30,27 +37,31 @@ _LEGEND = 0.62  # room for the legend [inch]
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
-def draw_forces(axes: Any, network: ForceNetwork) -> None:
-    """Draw a force network into matplotlib axes, with a legend above the figure."""
+def draw_forces(axes: Any, network: ForceNetwork, *, unit: float | None = None) -> None:
+    """Draw a force network into matplotlib axes, with a legend above the figure.
+
+    The line of the mean normal force, or of the force ``unit`` [N], is 0.15 mean diameters wide.
+    """
     from matplotlib.lines import Line2D
 
-    if not draw_network(axes, network).size:
+    name_frame(axes, network.time, network.frame)
+    if not draw_network(axes, network, unit).size:
         return
-    mean, unit = _mean_size(network), _mean_width(axes, network)
+    unit, width = _unit_of(network, unit), _unit_width(axes, network)
     handles = [Line2D([], [], color=COLORS[k], linewidth=2.0) for k in (0, 1)]
     handles += [
-        Line2D([], [], color="0.2", linewidth=times * unit, solid_capstyle="butt")
+        Line2D([], [], color="0.2", linewidth=times * width, solid_capstyle="butt")
         for times in _SHOWN
     ]
-    labels = ["sticking", "sliding", *(f"{times * mean:.2g} N" for times in _SHOWN)]
-    title = f"width: normal force, mean {mean:.3g} N"
+    labels = ["sticking", "sliding", *(f"{times * unit:.2g} N" for times in _SHOWN)]
+    title = f"width: normal force, mean {_mean_size(network):.3g} N"
     axes.figure.legend(
         handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0,
         columnspacing=1.0, handlelength=1.6, handletextpad=0.5,
     )  # fmt: skip
 
 
-def draw_network(axes: Any, network: ForceNetwork) -> Floats:
+def draw_network(axes: Any, network: ForceNetwork, unit: float | None = None) -> Floats:
     """Draw grains, walls and contacts; returns the widths of the lines of the contacts [points]."""
     from matplotlib.collections import LineCollection
 
@@ -59,7 +70,7 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     if not network.i.size:
         return np.zeros(0)
     lines, which = segments(network)
-    width = line_widths(axes, network)
+    width = line_widths(axes, network, unit)
     color = np.where(network.sliding, COLORS[1], COLORS[0])
     look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
     drawn = LineCollection(list(lines), capstyle="round", **look)
@@ -76,15 +87,15 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
     return lines + shift[:, np.newaxis], which
 
 
-def line_widths(axes: Any, network: ForceNetwork) -> Floats:
+def line_widths(axes: Any, network: ForceNetwork, unit: float | None = None) -> Floats:
     """Widths of the lines [points], proportional to normal forces without sign, up to a limit."""
-    unit = _mean_width(axes, network)
-    relative = np.abs(network.force[:, 0]) / _mean_size(network)
-    return np.asarray(np.minimum(unit * relative, _WIDEST / _WIDTH * unit))
+    width = _unit_width(axes, network)
+    relative = np.abs(network.force[:, 0]) / _unit_of(network, unit)
+    return np.asarray(np.minimum(width * relative, _WIDEST / _WIDTH * width))
 
 
-def _mean_width(axes: Any, network: ForceNetwork) -> float:
-    """Width of the line of a mean force [points]."""
+def _unit_width(axes: Any, network: ForceNetwork) -> float:
+    """Width of the line of the mean force, or of the one that is given [points]."""
     scene = network.scene
     inches = axes.figure.get_size_inches()
     per_meter = float(min(inches / (scene.box[1] - scene.box[0]))) * _POINTS
@@ -96,9 +107,13 @@ def _mean_size(network: ForceNetwork) -> float:
     return float(np.abs(network.force[:, 0]).mean())
 
 
-def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
+def _unit_of(network: ForceNetwork, unit: float | None) -> float:
+    return _mean_size(network) if unit is None else unit
+
+
+def forces_text(network: ForceNetwork, terminal: Terminal, *, unit: float | None = None) -> str:
     """A force network as a picture; raises `MissingLibrary` without matplotlib."""
-    picture = draw_picture(network.scene, lambda axes: draw_network(axes, network), terminal)
+    picture = draw_picture(network.scene, lambda axes: draw_network(axes, network, unit), terminal)
     mean = _mean_size(network) if network.i.size else 0.0
     return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
 
@@ -202,8 +217,10 @@ def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
 FIGURES = {
     ForceNetwork: Renderer(
         lambda _: (COLUMN, COLUMN),
-        lambda figure, network: draw_forces(
-            place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network
+        lambda figure, network, **options: draw_forces(
+            place_scene(figure, network.scene, has_bar=False, top=_LEGEND + TITLE).axes,
+            network,
+            **options,
         ),
         forces_text,
     ),

@@ -15,6 +15,7 @@ from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     PAGE,
+    TITLE,
     Renderer,
     Terminal,
     axis_label,
@@ -23,7 +24,9 @@ from multicor_cli.plots.style import (
     count_small_rises,
     draw_picture,
     house_style,
+    name_frame,
 )
+from multicor_cli.plots.vectors import KEY, draw_arrows, draw_streamlines
 from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map
 from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.quantities import color_range
@@ -41,8 +44,8 @@ SOLID = "0.7"
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
 _TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
-# Room beside the axes for their labels [inch]
-_LEFT, _RIGHT, _BOTTOM, _TOP = 0.64, 0.15, 0.45, 0.12
+# Room beside the axes for their labels, above them for the time [inch]
+_LEFT, _RIGHT, _BOTTOM = 0.64, 0.15, 0.45
 # Thickness of the color bar, and what lies between it and the axes [inch]
 _BAR, _BAR_GAP = 0.12, 0.1
 # Room for the color bar with its labels, beside or below the axes [inch]
@@ -61,7 +64,7 @@ class Place(NamedTuple):
 
 
 def place_scene(
-    figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0
+    figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = TITLE, width: float = 0.0
 ) -> Place:
     """Give a figure the size of a scene, and axes that fill it: nothing is empty, no label is cut.
 
@@ -196,108 +199,21 @@ def solid_polygons(sides: Floats) -> list[Floats]:
     return [corners for corners in polygons if Polygon(corners).signed_size > 0.0]
 
 
-# ---- Streamlines of the vectors of grains, averaged over a few diameters so that vortices are seen
-
-_CELL = 1.0  # cell of the grid over the mean diameter, for few grains
-_FINEST = 250  # cells along the longer side at most
-_SMOOTH = 2.0  # standard deviation of the average over the mean diameter
-# an average spans at least this part of the longer side, or lines cannot be told apart
-_COARSE = 60.0
-_DENSITY = 1.3  # of the lines along the longer side, as matplotlib counts
-_EMPTY = 0.5  # share of the plane that grains must fill for lines to pass, over its mean
-
-
-def draw_streamlines(axes: Any, table: GrainMap) -> None:
-    """Draw streamlines of the local mean of the vectors over the grains of a map."""
-    from matplotlib.patheffects import Normal, Stroke
-
-    x, y, field = smooth_field(table)
-    if not np.isfinite(field).any() or not np.nanmax(np.abs(field)) > 0.0:
-        return
-    across, upwards = (table.scene.box[1] - table.scene.box[0]).tolist()
-    longest = max(across, upwards)
-    density = (across / longest, upwards / longest)
-    look: dict[str, Any] = {"color": "white", "linewidth": 0.8, "arrowsize": 0.8, "zorder": 3}
-    u, v = (np.ma.masked_invalid(field[..., axis]) for axis in (0, 1))
-    spacing = tuple(max(_DENSITY * part, 0.3) for part in density)
-    drawn = axes.streamplot(x, y, u, v, density=spacing, arrowstyle="-|>", **look)
-    # Readable on light grains and between them
-    outline = [Stroke(linewidth=1.8, foreground="0.1"), Normal()]
-    drawn.lines.set_path_effects(outline)
-    for patch in axes.patches:
-        patch.set_path_effects(outline)
-
-
-def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
-    """Means of vectors on a grid, weighted by area and a Gaussian; nan where there are no grains.
-
-    Returns:
-        x ``(p,)`` and y ``(q,)`` of the points [m], and the field, shape ``(q, p, 2)``.
-    """
-    scene, vector = table.scene, table.vector
-    assert vector is not None
-    low, size = scene.box[0], scene.box[1] - scene.box[0]
-    diameter = 2.0 * float(scene.radius.mean())
-    cell = max(_CELL * diameter, float(size.max()) / _FINEST)
-    sigma = max(_SMOOTH * diameter, float(size.max()) / _COARSE)
-    number = np.maximum(np.ceil(size / cell).astype(np.int64), 4)
-    step = size / number
-    at, which, is_cell = scene.center, np.arange(scene.radius.size), scene.lattice.height > 0.0
-    if is_cell:  # the whole box is filled with images
-        which, shift = scene.lattice.images(at, np.full(at.shape[0], scene.lattice.span))
-        at = at[which] + shift
-        is_near = ((at >= low) & (at <= scene.box[1])).all(axis=1)
-        at, which = at[is_near], which[is_near]
-    column, row = np.clip(((at - low) / step).astype(np.int64), 0, number - 1).T
-    place, area = row * number[0] + column, scene.radius[which] ** 2
-    sums = [
-        np.bincount(place, area * weight, minlength=int(number.prod()))
-        for weight in (1.0, *vector[which].T)
-    ]
-    is_periodic = scene.lattice.width > 0.0 and not is_cell
-    grids = [
-        _blur(found.reshape(number[::-1]), sigma / step, is_periodic=is_periodic) for found in sums
-    ]
-    filled = grids[0] > _EMPTY * float(area.sum() / number.prod())
-    mean = [np.where(filled, grid / np.where(filled, grids[0], 1.0), np.nan) for grid in grids[1:]]
-    x, y = (low[k] + (np.arange(number[k]) + 0.5) * step[k] for k in (0, 1))
-    field = np.stack(mean, axis=-1)
-    if is_cell:
-        right, up = np.meshgrid(x, y)
-        along = right - scene.lattice.slant * up
-        is_out = (along < 0.0) | (along > scene.lattice.width)
-        field[is_out | (up < 0.0) | (up > scene.lattice.height)] = np.nan
-    return x, y, field
-
-
-def _blur(grid: Floats, sigma: Floats, *, is_periodic: bool) -> Floats:
-    """Convolve with a Gaussian of ``sigma`` (x, y) cells; around the ends in x if periodic."""
-    rows, columns = grid.shape
-    pad = (int(4 * sigma[1]) + 1, 0 if is_periodic else int(4 * sigma[0]) + 1)
-    wide = np.pad(grid, ((0, pad[0]), (0, pad[1])))
-    frequency = [np.fft.fftfreq(wide.shape[0]), np.fft.rfftfreq(wide.shape[1])]
-    decay = [
-        np.exp(-2.0 * (np.pi * s * f) ** 2) for s, f in zip(sigma[::-1], frequency, strict=True)
-    ]
-    found = np.fft.irfft2(np.fft.rfft2(wide) * np.outer(*decay), wide.shape)
-    return np.asarray(np.maximum(found, 0.0) if grid.min() >= 0.0 else found)[:rows, :columns]
-
-
 # ---- Map of a quantity: every grain to scale, colored
 
-_ARROWS = 1500  # at most this many arrows, or they cannot be told apart
-# This part of the arrows are as long as their velocity says; longer ones are cut to this length
-_LONG = 0.95
-_LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
+Ends = tuple[float, float]
 
 
-def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    """Draw a map with its color bar where `place_scene` has made room; vectors as streamlines of
-    their local mean, or else as arrows.
+def draw_map(
+    place: Place, table: GrainMap, *, has_streamlines: bool = True, ends: Ends | None = None
+) -> None:
+    """Draw a map with its time and color bar where `place_scene` has made room; vectors as
+    streamlines of their local mean, or else as arrows. Colors span the ``ends``, if given.
     """
-    scale = color_scale(table)
-    discs = draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines)
-    draw_bar(place.bar, table, discs, scale[1])
+    norm, extend = color_scale(table, ends)
+    discs = draw_values(place.axes, table, norm, has_streamlines=has_streamlines)
+    draw_bar(place.bar, table, discs, extend, count_beyond(table, norm))
+    name_frame(place.axes, table.time, table.frame)
 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
@@ -310,7 +226,7 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
     discs.set_array(table.values_of_images())
     draw_walls(axes, table.scene)
     if table.vector is not None:
-        (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)
+        (draw_streamlines if has_streamlines else draw_arrows)(axes, table)
     return discs
 
 
@@ -327,8 +243,20 @@ def _colors(table: GrainMap) -> Any:
     return colors.with_extremes(bad="white", under="white") if is_logarithmic else colors
 
 
-def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str) -> None:
-    """Draw the color bar of a map into axes beside or below it."""
+def count_beyond(table: GrainMap, norm: Any) -> str:
+    """How many grains have values beyond the ends of the colors; empty if none has."""
+    if table.names:
+        return ""
+    low, high = int((table.value < norm.vmin).sum()), int((table.value > norm.vmax).sum())
+    told = [f"{count} {side}" for count, side in ((low, "below"), (high, "above")) if count]
+    if not told:
+        return ""
+    white = "white: " if low and table.field.scale == "logarithmic" else ""
+    return white + ", ".join(told).replace(" ", " grain " if low == 1 else " grains ", 1)
+
+
+def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str, note: str = "") -> None:
+    """Draw the color bar of a map into axes beside or below it, with a note behind its label."""
     if len(table.names) == 1:  # nothing to tell apart
         axes.set_axis_off()
         axes.set_title(f"{table.field.label}:\n{table.names[0]}", loc="left", fontsize=8.0, y=0.5)
@@ -339,56 +267,58 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str) -> None:
         bar.ax.minorticks_off()
         bar.set_label(table.field.label)
     else:
-        note = "; white: none" if table.field.scale == "logarithmic" else ""
+        if table.field.scale == "logarithmic":
+            note = note or "white: none"
         add_color_bar(axes, discs, table.scene, table.field, extend, note)
 
 
 def add_color_bar(
     axes: Any, drawn: Any, scene: GrainScene, field: Quantity, extend: str, note: str = ""
 ) -> None:
-    """A color bar with its label below a wide scene, or beside a tall one."""
+    """A color bar with its label, and a note behind it, below a wide scene or beside a tall one."""
     direction = "horizontal" if is_wide(scene) else "vertical"
     bar = axes.figure.colorbar(
         drawn, cax=axes, extend=extend, extendfrac=0.03, orientation=direction
     )
     ends = np.array([drawn.norm.vmin, drawn.norm.vmax])
     if not count_small_rises(bar.long_axis, field.label, field.symbol, field.unit, ends):
-        text = axis_label(field.label, field.symbol, field.unit) + note
-        high = axes.get_position().height * axes.figure.get_figheight()
-        if direction == "vertical" and len(field.label + note) > high / _LETTER - _SYMBOL:
+        bar.set_label(axis_label(field.label, field.symbol, field.unit))
+    label, note = bar.long_axis.label, f"; {note}" if note else ""
+    text, place = label.get_text(), axes.get_position()
+    room = place.width * axes.figure.get_figwidth() + _RIGHT
+    if direction == "vertical":
+        room = place.height * axes.figure.get_figheight()
+        if len(field.label + note) > room / _LETTER - _SYMBOL:
             text = text.replace(" $", "\n$", 1)  # in two lines
-        bar.set_label(text)
+    longest = max((text + note).split("\n"), key=len)
+    if len(longest) > room / _LETTER:
+        label.set_fontsize(7.0)
+    label.set_text(text + note)
 
 
-def color_scale(table: GrainMap) -> tuple[Any, str]:
-    """Norm of matplotlib, and which ends of the color bar stand for more than their value."""
-    colors = library("matplotlib.colors")
+def color_scale(table: GrainMap, ends: Ends | None = None) -> tuple[Any, str]:
+    """Norm of matplotlib, and which ends of the color bar stand for more than their value.
+
+    ``ends`` are the smallest and largest value with a color of its own, of what is no name, and
+    positive on a logarithmic scale; default: see `color_range`.
+    """
+    colors, is_logarithmic = library("matplotlib.colors"), table.field.scale == "logarithmic"
     if count := len(table.names):
         return colors.BoundaryNorm([k - 0.5 for k in range(count + 1)], count), "neither"
-    low, high = color_range(table.field, table.value, table.scene.radius.size)
-    norm = colors.LogNorm if table.field.scale == "logarithmic" else colors.Normalize
+    low, high = ends or color_range(table.field, table.value, table.scene.radius.size)
+    norm = colors.LogNorm if is_logarithmic else colors.Normalize
     return norm(low, high), beyond(table.value, low, high)
 
 
-def _draw_arrows(axes: Any, table: GrainMap) -> None:
-    """Arrows on grains, or on some; the few longest are cut, the colors tell how long they are."""
-    scene, vector = table.scene, table.vector
-    assert vector is not None
-    step = max(1, -(-scene.radius.size // _ARROWS))
-    # The numbering may go row by row: arrows in its order would line up with the grains.
-    order = np.random.default_rng(0).permutation(scene.radius.size)[::step]
-    spacing = float(np.sqrt(np.prod(scene.box[1] - scene.box[0]) / order.size))
-    longest = float(np.quantile(table.value, _LONG)) or 1.0
-    cut = np.minimum(1.0, longest / np.maximum(table.value, longest))
-    arrows = (*scene.center[order].T, *(vector * cut[:, np.newaxis])[order].T)
-    size = {"scale": longest / (_LENGTH * spacing), "width": 0.09 * spacing}
-    kind = {"angles": "xy", "scale_units": "xy", "units": "xy", "pivot": "middle"}
-    axes.quiver(*arrows, **size, **kind, color="white", edgecolor="0.1", linewidth=0.2, zorder=3)
-
-
-def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True) -> str:
+def map_text(
+    table: GrainMap,
+    terminal: Terminal,
+    *,
+    has_streamlines: bool = True,
+    ends: Ends | None = None,
+) -> str:
     """A map as a picture, with its range of values; raises `MissingLibrary` without matplotlib."""
-    norm, _ = color_scale(table)
+    norm, _ = color_scale(table, ends)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
 
     def draw(axes: Any) -> None:
@@ -417,6 +347,8 @@ def picture(shown: Any) -> bytes | None:
     if not has_grains or find_spec("matplotlib") is None:
         return None
     table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
+    if run is not shown:
+        table = table.with_(frame=getattr(shown, "index", None))
     with house_style():
         from matplotlib.figure import Figure
 
@@ -437,12 +369,18 @@ class _Single:
         return self._frame
 
 
+def _draw_placed(
+    figure: Any, table: GrainMap, *, has_streamlines: bool = True, ends: Ends | None = None
+) -> None:
+    has_arrows = table.vector is not None and not has_streamlines
+    place = place_scene(figure, table.scene, top=TITLE + (KEY if has_arrows else 0.0))
+    draw_map(place, table, has_streamlines=has_streamlines, ends=ends)
+
+
 FIGURES = {
     GrainMap: Renderer(
         lambda _: (COLUMN, COLUMN),
-        lambda figure, table, **options: draw_map(
-            place_scene(figure, table.scene), table, **options
-        ),
+        _draw_placed,
         map_text,
     )
 }

@@ -189,7 +189,7 @@ def flow_text(table: FlowTable, _terminal: Terminal) -> str:
 Panels = Sequence[tuple[str, Sequence[tuple[str, str]]]]
 """Label of the axis, and the quantities of each panel with their names."""
 
-_CONTACTS = "contacts per grain [–]"
+_CONTACTS = "coordination number [–]"
 _OF_RHEOLOGY: Panels = (
     ("inertial number $I$ [–]", (("inertial_number", ""),)),
     ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
@@ -300,10 +300,10 @@ def rheology_text(table: Rheology | CellRheology, _terminal: Terminal) -> str:
 _STRESS = tuple((f"stress_{axes}", f"${axes}$") for axes in ("xx", "yy", "xy"))
 _OF_REGION: Panels = (
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    ("contacts per grain $Z$ [–]", (("coordination", ""),)),
+    ("coordination number $Z$ [–]", (("coordination", ""),)),
     ("velocity [m/s]", (("velocity_x", "$v_x$"), ("velocity_y", "$v_y$"))),
-    ("stress of contacts [N/m]", _STRESS),
-    ("stress of fluctuations [N/m]", tuple((f"kinetic_{name}", text) for name, text in _STRESS)),
+    ("contact stress [N/m]", _STRESS),
+    ("kinetic stress [N/m]", tuple((f"kinetic_{name}", text) for name, text in _STRESS)),
     ("temperature $T$ [K]", (("temperature", ""),)),
 )
 _SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))  # instead of the last one without heat
@@ -323,7 +323,7 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
     """Solid fraction and stresses over time, in low charts."""
     charts = (
         ("solid fraction nu [–]", ("solid_fraction",)),
-        ("stress of contacts [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
+        ("contact stress [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
     )
     return _charts(
         (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
@@ -342,9 +342,9 @@ _OF_CONDUCTIVITY: Panels = (
     ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
     ("$K/H$ [–]", (("over_contact", ""),)),
     (r"$K/K_\mathrm{lin}$ [–]", (("over_linear", ""),)),
-    ("pressure $P$ [N/m]", (("pressure", ""),)),
+    ("contact pressure $p$ [N/m]", (("pressure", ""),)),
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    ("contacts per grain $Z$ [–]", (("coordination", ""),)),
+    ("coordination number $Z$ [–]", (("coordination", ""),)),
     ("anisotropy [–]", (("anisotropy", ""),)),
 )
 

@@ -9,7 +9,6 @@ import numpy as np
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
-    HOLLOW,
     PAGE,
     Renderer,
     Terminal,
@@ -19,6 +18,8 @@ from multicor_cli.plots.style import (
     draw_text,
     draw_with_errors,
     explain_errors,
+    name_frame,
+    without_components,
 )
 from multicor_cli.post import (
     Comparison,
@@ -49,7 +50,7 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
         draw_with_errors(axes, table.value, table.y, table.error, marker, **style)
     explain_errors(axes, [table.error for table in profiles.tables])
     _, upwards = axis_labels(profiles.first)
-    what = profiles.name.replace("-", " ") + profiles.first.about_groups
+    what = without_components(profiles.first.field.label) + profiles.first.about_groups
     axes.set_xlabel(f"{what}, compression positive [{unit_sign(profiles.first.units[1])}]")
     axes.set_ylabel(upwards)
     axes.locator_params(axis="x", nbins=5)
@@ -95,7 +96,7 @@ def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
     """Profiles: the fields across, the height upwards."""
     first, has_many = profiles.first, len(profiles.tables) > 1
     lines = [TextLine(t.field.name if has_many else "", t.value, t.y) for t in profiles.tables]
-    label = profiles.name.replace("-", " ") if has_many else first.field.label
+    label = without_components(first.field.label) if has_many else first.field.label
     return draw_text(
         lines, f"{label} [{unit_sign(first.units[1])}]", f"height y [{first.units[0]}]"
     )
@@ -171,6 +172,8 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     """Draw θ against η into matplotlib axes."""
     size = 4.0 if table.eta.size < 1000 else 1.5
     point: dict[str, Any] = {"color": "0.65", "markeredgewidth": 0.0}
+    if table.frames.size == 1:
+        name_frame(axes, table.time, table.frame)
     axes.plot(table.eta, table.theta, ".", markersize=size, rasterized=True, **point)
     axes.plot([], [], ".", markersize=4.0, label="grains", **point)
     known = np.isfinite(table.mean)
@@ -204,14 +207,11 @@ def draw_diffusion(axes: Any, table: Diffusion) -> None:
     """Draw mean squares over the squared diameter, and straight lines of both diffusivities."""
     square, is_sheared = table.diameter**2, table.shear_rate > 0.0
     lag = table.strain if is_sheared else table.lag
+    style: Any = {"markersize": 2.5, "linewidth": 0.9, "is_upright": False}
     for axis, color, marker, diffusivity in zip("xy", COLORS, "os", table.diffusion, strict=False):
         mean, error = (getattr(table, f"{of}_{axis}") / square for of in ("msd", "error"))
-        known = np.isfinite(error)
-        style: dict[str, Any] = {"color": color, "markersize": 2.5, "linewidth": 0.9}
-        axes.plot(lag, mean, marker + "-", markeredgewidth=0.0, label=f"along ${axis}$", **style)
-        axes.plot(lag[~known], mean[~known], marker, **{**style, **HOLLOW})
-        band: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
-        axes.fill_between(lag, mean - error, mean + error, **band)
+        style |= {"names": (f"along ${axis}$", "", ""), "color": color}
+        draw_with_errors(axes, mean, lag, error, marker, **style)
         straight = 2.0 * diffusivity * table.lag / square
         far = table.lag >= table.lag[-1] / 3.0
         straight += (mean - straight)[far].mean()

@@ -29,6 +29,9 @@ COLUMN = 3.35
 PAGE = 7.0
 """Width of a page of two columns [inch]."""
 
+TITLE = 0.3
+"""Room above the axes for the time and frame of a picture [inch]."""
+
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """Line colors that color-blind readers can tell apart (Okabe and Ito)."""
 
@@ -67,38 +70,54 @@ _RC: Any = {
 
 def axis_label(label: str, symbol: str, unit: str) -> str:
     """As ``velocity $v_x$ [m/s]``; components, as in ``stress xy``, are left to the symbol."""
-    return f"{_COMPONENTS.sub('', label)} ${symbol}$ [{unit_sign(unit)}]"
+    return f"{without_components(label)} ${symbol}$ [{unit_sign(unit)}]"
+
+
+def without_components(label: str) -> str:
+    """``contact stress`` of ``contact stress xy``."""
+    return _COMPONENTS.sub("", label)
 
 
 def draw_with_errors(
     axes: Any,
     values: Floats,
-    y: Floats,
+    at: Floats,
     error: Floats,
     marker: str,
     *,
-    names: tuple[str, str, str],
+    names: tuple[str, str, str] = ("", "", ""),
+    is_upright: bool = True,
     **style: Any,
 ) -> None:
-    """Draw means over the height with a band of standard errors.
+    """Draw means over the height, or from left to right, shaded as far as their standard errors.
 
-    Where an error is nan the band ends and the marker is hollow. ``names`` are what the legend
-    calls means, errors and means without error; empty: nothing.
+    The shade is a band, or a box about each value if some errors are not known: a band would fall
+    into islands. Markers of those are hollow. ``names`` are what the legend calls means, errors and
+    means without error; empty: nothing.
     """
-    mean, band, unknown = (name or None for name in names)
+    mean, shaded, unknown = (name or None for name in names)
     color, known = style["color"], np.isfinite(error)
+    x, y = (values, at) if is_upright else (at, values)
     shade: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
-    axes.fill_betweenx(
-        y, values - error, values + error, label=band if known.any() else None, **shade
-    )
-    beside = np.concatenate([[False], known, [False]])
-    alone = known & ~beside[:-2] & ~beside[2:]  # a band of one point has no area
-    if alone.any():
-        bars: dict[str, Any] = {"ecolor": color, "elinewidth": 0.7, "capsize": 1.2}
-        axes.errorbar(values[alone], y[alone], xerr=error[alone], fmt="none", **bars)
-    axes.plot(values, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
+    shade["label"] = shaded if known.any() else None
+    if known.all() and known.size > 1:
+        fill = axes.fill_betweenx if is_upright else axes.fill_between
+        fill(at, values - error, values + error, **shade)
+    else:
+        ends = np.concatenate([at[:1], 0.5 * (at[1:] + at[:-1]), at[-1:]])
+        ends[[0, -1]] = 2.0 * at[[0, -1]] - ends[[1, -2]] if at.size > 1 else (0.0, 2.0 * at[0])
+        box = ends[:-1][known], 2.0 * error[known], np.diff(ends)[known], (values - error)[known]
+        (axes.barh if is_upright else axes.bar)(*box, align="edge", **shade)
+        axes.use_sticky_edges = False  # boxes have room around them as bands do
+    axes.plot(x, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
     if known.any() and not known.all():
-        axes.plot(values[~known], y[~known], marker, label=unknown, **{**style, **HOLLOW})
+        axes.plot(x[~known], y[~known], marker, label=unknown, **{**style, **HOLLOW})
+
+
+def name_frame(axes: Any, time: float, frame: int | None) -> None:
+    """Say above the axes when it was [s], and in which frame if that is known."""
+    number = "" if frame is None else f", frame {frame}"
+    axes.set_title(f"$t$ = {time:.6g} s{number}", loc="left", fontsize=8.0, pad=4.0)
 
 
 def legend_above(panel: Any, columns: int, *handles: Any, **more: Any) -> None:
@@ -159,7 +178,7 @@ def label_sparsely(axis: Any) -> None:
 
 
 def explain_errors(axes: Any, errors: Iterable[Floats]) -> None:
-    """Let the legend say what bands and hollow markers are, as far as there are any."""
+    """Let the legend say what shades and hollow markers are, as far as there are any."""
     known = np.concatenate([np.isfinite(error) for error in errors])
     if known.any():
         axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="± standard error")
@@ -414,6 +433,7 @@ _OVER_TIME = (
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
+    **dict.fromkeys(("avalanches", "residence"), "events"),
     "structure_factor": "structure",
 }
 """Modules that draw tables of several others."""

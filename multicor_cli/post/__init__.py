@@ -1,5 +1,7 @@
 """Tables computed from a run directory, each in a module of its own; these are at hand here."""
 
+from multicor_cli.post.avalanches import Avalanches as Avalanches
+from multicor_cli.post.avalanches import avalanches as avalanches
 from multicor_cli.post.cell_rheology import CellRheology as CellRheology
 from multicor_cli.post.compare import Comparison as Comparison
 from multicor_cli.post.compare import ProfilePair as ProfilePair
@@ -28,6 +30,8 @@ from multicor_cli.post.grain_map import grain_map as grain_map
 from multicor_cli.post.grain_map import make_scene as make_scene
 from multicor_cli.post.mean_heat import MeanHeat as MeanHeat
 from multicor_cli.post.mean_heat import mean_heat as mean_heat
+from multicor_cli.post.mixing import Mixing as Mixing
+from multicor_cli.post.mixing import mixing as mixing
 from multicor_cli.post.profile import ProfileSet as ProfileSet
 from multicor_cli.post.profile import ProfileTable as ProfileTable
 from multicor_cli.post.profile import profile as profile
@@ -39,6 +43,8 @@ from multicor_cli.post.quantities import QUANTITIES as QUANTITIES
 from multicor_cli.post.quantities import GrainQuantity as GrainQuantity
 from multicor_cli.post.region import RegionTable as RegionTable
 from multicor_cli.post.region import in_region as in_region
+from multicor_cli.post.residence import Residence as Residence
+from multicor_cli.post.residence import residence as residence
 from multicor_cli.post.rheology import Rheology as Rheology
 from multicor_cli.post.rheology import rheology as rheology
 from multicor_cli.post.source import PostError as PostError

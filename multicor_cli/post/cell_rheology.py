@@ -36,7 +36,12 @@ CELL_QUANTITIES = (
     Quantity("deviator", "largest shear stress q", "q", "N/m"),
     *(Quantity(f"stress_{k}", f"stress {k}", rf"\sigma_{{{k}}}", "N/m") for k in _AXES),
     *(
-        Quantity(f"kinetic_stress_{k}", f"  of this by fluctuations, {k}", unit="N/m")
+        Quantity(
+            f"kinetic_stress_{k}",
+            f"  of this kinetic stress {k}",
+            rf"\sigma^\mathrm{{kin}}_{{{k}}}",
+            "N/m",
+        )
         for k in _AXES
     ),
     *INERTIAL_NUMBERS,

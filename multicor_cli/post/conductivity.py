@@ -113,9 +113,9 @@ _AXES = ((0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"))
 
 _OF_FRAMES = (
     Quantity("solid_fraction", "solid fraction", r"\nu"),
-    Quantity("coordination", "conducting contacts per grain", "Z"),
+    Quantity("coordination", "coordination number, of conducting contacts", "Z"),
     Quantity("connected", "share of grains in the largest cluster"),
-    Quantity("pressure", "pressure of the contacts", "P", "N/m"),
+    Quantity("pressure", "contact pressure", "p", "N/m"),
     *(
         Quantity(f"square_{k}", f"conductance of a square K_{k}", f"K_{{{k}}}", "W/K")
         for _, _, k in _AXES

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    bounds_of_intervals,
     model_of,
     refuse_cell,
 )
@@ -79,7 +80,7 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
         "nobody counts how often grains cross its sides, so no flow is measured",
         remedy,
     )
-    chosen = (selection or Selection()).indices(source.frames).tolist()
+    chosen = bounds_of_intervals(source, (selection or Selection()).indices(source.frames)).tolist()
     if len(chosen) < 2:
         raise PostError(
             "a flow needs two frames; only one is selected: choose more with --from or --frames"
@@ -130,12 +131,9 @@ def _crossings(
         np.asarray(f.unwrapped, np.float64)[rows, :2] for f, rows in ((before, one), (after, two))
     )
     if are_known:
-        speeds = (np.hypot(*np.asarray(f.velocity, np.float64).T[:2]) for f in (before, after))
-        # falling, a grain gets faster than in either frame
-        fall = float(np.hypot(*model.gravity)) * duration
-        speed = max(float(each.max(initial=0.0)) for each in speeds) + fall
-        is_near = np.hypot(*(end - start).T) <= speed * duration + model.mean_diameter
-        lost += int((~is_near).sum())
+        jumped = have_jumped(model, before, after, duration)
+        is_near = ~np.isin(np.asarray(first)[one], jumped)
+        lost += jumped.size
         one, start, end = one[is_near], start[is_near], end[is_near]
     sign, shifts = np.zeros(one.size, np.int64), np.zeros(1)
     if model.period > 0.0 and one.size:  # the images of the line that may be crossed
@@ -147,6 +145,22 @@ def _crossings(
         sign += _crossed(start, end, np.array(line) + np.array([shift, 0.0]))
     grains = model_of(source, before).grains
     return sign, grains.mass[one], grains.radius[one], lost
+
+
+def have_jumped(model: Model, before: Frame, after: Frame, duration: float) -> NDArray[np.int64]:
+    """Numbers of the grains of two frames that are farther apart than any can have moved.
+
+    They have been taken by an outlet and released again in the time between [s].
+    """
+    first, second = np.asarray(before.number), np.asarray(after.number)
+    both, one, two = np.intersect1d(first, second, assume_unique=True, return_indices=True)
+    way = np.asarray(after.unwrapped, np.float64)[two, :2]
+    way = way - np.asarray(before.unwrapped, np.float64)[one, :2]
+    speeds = (np.hypot(*np.asarray(f.velocity, np.float64).T[:2]) for f in (before, after))
+    # falling, a grain gets faster than in either frame
+    fall = float(np.hypot(*model.gravity)) * duration
+    speed = max(float(each.max(initial=0.0)) for each in speeds) + fall
+    return np.asarray(both[np.hypot(*way.T) > speed * duration + model.mean_diameter])
 
 
 def _crossed(start: Floats, end: Floats, line: Floats) -> NDArray[np.int64]:

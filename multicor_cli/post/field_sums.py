@@ -279,7 +279,7 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
         made = []
         for i, j in pairs:
             names = axes[i] + axes[j]
-            label = f"{name.replace('-', ' ')} {names}"
+            label = f"{'contact ' * (name == 'stress')}{name.replace('-', ' ')} {names}"
             both = f"{symbol}_{{{tex[i]} {tex[j]}}}"
             made.append(Field(f"{name}-{names}", label, both, unit, is_signed or i != j))
         return made

@@ -26,18 +26,19 @@ from multicor_cli.post.table import Column, Table, values_of_quantities
 
 # ---- The contact forces of one frame
 
-_NUMBERS = {
+NUMBERS = {
     "contacts": "contacts that carry a force",
     "wall_contacts": "  of these with walls",
     "normal_force_mean": "mean normal force [N]",
     "normal_force_max": "largest normal force [N]",
     "tangential_force_mean": "mean tangential force, without sign [N]",
-    "coordination": "coordination number Z",
+    "coordination": "coordination number",
     "rattler_share": "share of rattlers (fewer than two contacts)",
     "sliding_share": "share of sliding contacts",
 }
-SUMMARY = tuple(_NUMBERS)
-"""Names of the numbers of a whole network."""
+"""Labels, with their units, of the numbers of a whole network."""
+SUMMARY = tuple(NUMBERS)
+"""Their names."""
 
 
 class ForceNetwork(Table):
@@ -106,7 +107,7 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
         "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall, "summary": summary,
     }  # fmt: skip
     return ForceNetwork(
-        values_of_quantities([(_NUMBERS[name], value) for name, value in summary.items()]),
+        values_of_quantities([(NUMBERS[name], value) for name, value in summary.items()]),
         {"frame": index, "time": float(np.asarray(source.frames.time)[index]), **summary},
         [*columns, Column("slides", "", sliding.astype(np.int64), "sliding")],
         **parts,

@@ -15,7 +15,15 @@ from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.post.conductivity import thickness_of
 from multicor_cli.post.rheology_sums import average_ratios, sums_between
-from multicor_cli.post.source import PostError, Run, Selection, frames_of, frames_told, need_grains
+from multicor_cli.post.source import (
+    PostError,
+    Run,
+    Selection,
+    bounds_of_intervals,
+    frames_of,
+    frames_told,
+    need_grains,
+)
 from multicor_cli.post.table import Quantity, TimeTable
 
 _WAYS = ("contacts", "gas", "radiation", "motion")
@@ -98,7 +106,7 @@ def mean_heat(source: Run, selection: Selection | None = None) -> MeanHeat:
             "the run has no mean gradient of temperature: give the [heat] of a cell a gradient, "
             "as [0.0, 1000.0], and run it again"
         )
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = bounds_of_intervals(source, (selection or Selection()).indices(source.frames))
     need_grains(source, chosen)
     if chosen.size < 2:
         raise PostError(

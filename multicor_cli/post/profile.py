@@ -47,7 +47,7 @@ class ProfileTable(Table):
 
     The value of a bin is the average over the grains in it and over the frames, weighted by the
     area of each grain that lies in the bin. Rates, shares and stresses are per area of the plane
-    instead, and contacts per grain an average over grains that count alike (see
+    instead, and coordination numbers an average over grains that count alike (see
     `multicor_cli.post.quantities`: `Kind`, and `QUANTITIES` for the quantities). Between two walls
     the bins move and stretch with the walls, so that in every frame they end at the walls. Those
     of a cell fill its height, and what reaches over one side of it counts at the other, with the
@@ -227,8 +227,8 @@ def profile(
             near, no more than an eighth of their distance.
         between: Names of the walls below and above; default: those that bound the grains.
         groups: Groups of grains that count; default: all. Fluctuations are those about the mean
-            flow of all grains. Contacts per grain include those with grains of other groups; of the
-            stress in a contact between two grains each has half.
+            flow of all grains. Coordination numbers include contacts with grains of other groups;
+            of the stress in a contact between two grains each has half.
 
     Raises:
         PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible

@@ -208,7 +208,8 @@ QUANTITIES: dict[str, GrainQuantity] = {
     quantity.name: quantity
     for quantity in (
         GrainQuantity(
-            "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]),
+            "velocity", "horizontal velocity", "v_x", "m/s",
+            **_each(lambda frame: frame.velocity[:, 0]),
             of_walls=_wall(0), scaling="walls", of_velocity=lambda velocity: velocity[:, 0],
             colors="balance", scale="centered",
         ),
@@ -255,7 +256,7 @@ QUANTITIES: dict[str, GrainQuantity] = {
             is_relative=True,
         ),
         GrainQuantity(
-            "coordination", "contacts per grain", "Z", "1",
+            "coordination", "coordination number", "Z", "1",
             _of_contacts(lambda contacts: contacts.counts),
             averaged=lambda frame, model: loaded_contacts(frame, model).counts.astype(np.float64),
             kind="number", needs_contacts=True,
@@ -271,7 +272,7 @@ QUANTITIES: dict[str, GrainQuantity] = {
             names_of=lambda model: model.materials),
         # half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a)
         GrainQuantity(
-            "stress", "contact pressure", "p", "N/m",
+            "stress", "contact pressure in a grain", "p", "N/m",
             _of_contacts(lambda c: c.loads / (2.0 * np.pi * c.reach_of[: c.grain_count])),
             "cividis", "from zero",
         ),

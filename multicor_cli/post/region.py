@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
+from multicor_cli.post.quantities import PROFILED
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -22,13 +24,16 @@ from multicor_cli.post.source import (
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, TimeTable, line_of
 
-_UNITS = {
-    "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s",
-    "spin": "rad/s", "temperature": "K",
-    "stress_xx": "N/m", "stress_xy": "N/m", "stress_yx": "N/m", "stress_yy": "N/m",
-    "kinetic_stress_xx": "N/m", "kinetic_stress_xy": "N/m", "kinetic_stress_yy": "N/m",
-}  # fmt: skip
-QUANTITIES = tuple(_UNITS)
+QUANTITIES = tuple(
+    replace(PROFILED[name], name=own)
+    for name, own in {
+        "solid-fraction": "solid_fraction", "coordination": "coordination",
+        "velocity": "velocity_x", "velocity-y": "velocity_y", "spin": "spin",
+        "temperature": "temperature",
+        **{f"stress-{k}": f"stress_{k}" for k in ("xx", "xy", "yx", "yy")},
+        **{f"kinetic-stress-{k}": f"kinetic_stress_{k}" for k in ("xx", "xy", "yy")},
+    }.items()
+)  # fmt: skip
 """What is measured in a region; temperature in runs with heat only."""
 
 _ROUNDING = 1e-9
@@ -48,9 +53,9 @@ class RegionTable(TimeTable):
         time: Times of the frames [s], shape ``(f,)``.
         grains: Number of grains whose center is inside, shape ``(f,)``.
         values: By name: solid fraction; coordination; means, weighted by area, of velocity, spin
-            and temperature (in runs with heat); stress of the contacts and of the fluctuations of
-            velocity about the mean inside (compression positive); nan where nothing is inside, or
-            no forces belong to a frame; shape ``(f,)``.
+            and temperature (in runs with heat); contact stress, and kinetic stress of velocities
+            about the mean inside (compression positive); nan where nothing is inside, or no forces
+            belong to a frame; shape ``(f,)``.
     """
 
     KEYS = (
@@ -91,15 +96,15 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
     frames = frames_of(source, chosen)
     counts, measured = zip(*(_measure(source, f, room, size) for f in frames), strict=True)
     values = {name: np.array([row[name] for row in measured]) for name in measured[0]}
-    quantities = [Column(name, _UNITS[name], each) for name, each in values.items()]
+    quantities = [q.over_time(values[q.name]) for q in QUANTITIES if q.name in values]
     if not values["solid_fraction"].any():
         raise PostError("no grain is in the region in these frames")
     grains, time = np.array(counts, np.int64), np.asarray(source.frames.time, np.float64)[chosen]
     return RegionTable(
         time,
-        [column._replace(label=column.name.replace("_", " ")) for column in quantities],
+        quantities,
         {"area": size, "grains": grains},
-        [Column("grains", "", grains), *quantities],
+        [Column("grains", "", grains), *(column._replace(label="") for column in quantities)],
     )
 
 

@@ -37,6 +37,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    bounds_of_intervals,
     frames_of,
     frames_told,
     model_of,
@@ -232,7 +233,8 @@ def rheology(
     For a cell see `multicor_cli.post.cell_rheology.CellRheology`. Between walls the shear rate is
     the least-squares slope of the displacements of the bulk between two frames, the spin its mean
     rotation; wall forces are means over the rows of the time series that end between the two
-    frames; the rest is taken at the second of them.
+    frames; the rest is taken at the second of them. A short interval at the end of a stage is one
+    with that before it (`multicor_cli.post.source.bounds_of_intervals`).
 
     Args:
         source: The run.
@@ -248,6 +250,7 @@ def rheology(
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
+    chosen = bounds_of_intervals(source, chosen)
     if source.model.is_cell:
         if margin is not None or between is not None:
             raise PostError(

@@ -23,8 +23,8 @@ CONTACT_SUMS = (
 """Names of the sums of `contact_sums`."""
 
 OF_CONTACTS = (
-    Quantity("coordination", "contacts per grain", "Z"),
-    Quantity("coordination_loaded", "contacts per grain without rattlers", "Z'"),
+    Quantity("coordination", "coordination number", "Z"),
+    Quantity("coordination_loaded", "coordination number without rattlers", "Z'"),
     Quantity("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
     Quantity("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
 )

@@ -97,6 +97,24 @@ def frames_told(source: Run, chosen: NDArray[np.int64]) -> dict[str, Any]:
     return {"frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1]))}
 
 
+_SHORT = 0.5  # part of the interval before
+
+
+def bounds_of_intervals(source: Run, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of the frames ``chosen`` that bound intervals over which means are taken.
+
+    The end of a stage has a frame whenever it comes. If the interval that it ends is shorter than
+    half of that before, both are one: a mean over a step or two is noise.
+    """
+    times, stages = (np.asarray(getattr(source.frames, of))[chosen] for of in ("time", "stage"))
+    lengths, is_kept = np.diff(times), np.ones(chosen.size, np.bool_)
+    for k in range(2, chosen.size):
+        is_last = k + 1 == chosen.size or stages[k + 1] != stages[k]
+        if is_last and stages[k - 2] == stages[k]:
+            is_kept[k - 1] = lengths[k - 1] >= _SHORT * lengths[k - 2]
+    return chosen[is_kept]
+
+
 def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.int64]:
     """Indices of times from ``start`` to ``end`` [s], both included despite rounding."""
     slack = _ROUNDING * float(np.abs(times).max(initial=0.0))

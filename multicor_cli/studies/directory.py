@@ -52,6 +52,7 @@ class CaseState:
         step: Steps done, at its last checkpoint.
         share: Share of it that is done, while it runs; None if that is not known.
         remaining: Time left, while it runs [s]; None if that is not known.
+        seconds: What it took, if it has finished in one session [s]; else None.
     """
 
     status: CaseStatus
@@ -59,6 +60,7 @@ class CaseState:
     step: int = 0
     share: float | None = None
     remaining: float | None = None
+    seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,9 @@ class StudyDirectory:
             return CaseState(CaseStatus.WAITING)
         step = int((found.get("summary") or {}).get("step", 0))
         if found.get("status") == "finished":
-            return CaseState(CaseStatus.FINISHED, step=step)
+            is_whole = len(found.get("sessions") or ()) == 1
+            took = (found.get("timings") or {}).get("wall") if is_whole else None
+            return CaseState(CaseStatus.FINISHED, step=step, seconds=took)
         if is_alive(run / layout.LOCK):
             beat = read_object(run / layout.PROGRESS, SIZE_LIMIT)
             at, left = int(beat.get("step", step)), beat.get("remaining_seconds")

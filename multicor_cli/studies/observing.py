@@ -15,6 +15,7 @@ import numpy as np
 from multicor_cli.files import read_object
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
+from multicor_cli.post.avalanches import EVENTS, avalanches
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
@@ -22,10 +23,12 @@ from multicor_cli.post.diffusion import diffusion
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES, mean_heat
+from multicor_cli.post.mixing import MIXING, mixing
 from multicor_cli.post.profile import profile
 from multicor_cli.post.quantities import MAPPED, PROFILED, QUANTITIES
 from multicor_cli.post.region import QUANTITIES as IN_REGION
 from multicor_cli.post.region import in_region
+from multicor_cli.post.residence import residence
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
 from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
@@ -111,6 +114,28 @@ def _structure(run: Run, row: Observable, selection: Selection) -> Number:
     return Number(found.first_peak_distance)
 
 
+def _mixing(run: Run, row: Observable, selection: Selection) -> Number:
+    found, name = mixing(run, selection), str(row.value)
+    if name not in found.mean:
+        raise Unobservable(f"the run has no {name}: it has several groups, or is a cell")
+    return Number(found.mean[name], found.error[name])
+
+
+def _residence(run: Run, row: Observable, selection: Selection) -> Number:
+    found = residence(run, Selection(frames=slice(None)) if row.after is None else selection)
+    if row.value == "mean":
+        return Number(float(found.mean[0]), float(found.error[0]))
+    return Number(float(found.median[0]))
+
+
+def _avalanches(run: Run, row: Observable, selection: Selection) -> Number:
+    start, name = selection.start, str(row.value)
+    if start is None:
+        start = _later_half(run)
+    found = avalanches(run, str(row.column), start, threshold=row.threshold)
+    return Number(found.mean[name], found.error[name])
+
+
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
     assert row.inside is not None
     found, name = in_region(run, row.inside.area(), selection), str(row.value)
@@ -181,7 +206,10 @@ SOURCES: dict[str, Source] = {
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
     "structure": Source(("first_peak", "first_peak_distance"), _structure),
-    "region": Source(IN_REGION, _region, frozenset({"temperature"})),
+    "mixing": Source(tuple(row.name for row in MIXING), _mixing),
+    "residence": Source(("mean", "median"), _residence),
+    "avalanches": Source(tuple(row.name for row in EVENTS), _avalanches),
+    "region": Source(tuple(row.name for row in IN_REGION), _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
     "map": Source(_AMOUNTS, _map, _HEAT_FIELDS, is_of_one_frame=True),
@@ -254,6 +282,12 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
         is_cell = scenario.domain.is_cell
+        if row.post == "residence" and not scenario.is_open:
+            what = "no grain comes or goes in this scenario"
+            yield Refused((*place, "post"), what, "give it [[outlets]] and releases")
+        if row.post == "mixing" and len(scenario.particles) < 2:
+            what = "mixing needs two groups of grains"
+            yield Refused((*place, "post"), what, "give the scenario two [[particles]]")
         own = [q.name for q in (CELL_QUANTITIES if is_cell else OF_RHEOLOGY)]
         if row.post == "rheology" and row.value not in own:
             kind = "a cell" if is_cell else "a layer between walls"
@@ -413,6 +447,13 @@ def _start(run: Any, after: After | None) -> float | None:
     return float(run.series["time"][reached[0]])
 
 
+def _later_half(run: Any) -> float:
+    """Time in the middle of the rows of the last stage [s]."""
+    time, stage = np.asarray(run.series["time"]), np.asarray(run.series["stage"])
+    own = time[stage == stage.max()]
+    return 0.5 * float(own[0] + own[-1])
+
+
 def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
     """Mean of a column, weighted by the windows, with its error; see `multicor_cli.post.sums`."""
     if name not in run.series:
@@ -420,10 +461,8 @@ def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
     column = np.asarray(run.series[name], float)
     if column.ndim != 1:
         raise Unobservable(f"{name} of the time series has several columns for each row")
-    time, stage = np.asarray(run.series["time"]), np.asarray(run.series["stage"])
-    if start is None:
-        own = time[stage == stage.max()]
-        start = 0.5 * float(own[0] + own[-1])
+    time = np.asarray(run.series["time"])
+    start = _later_half(run) if start is None else start
     duration = np.asarray(run.series["window_duration"])
     rows = (time >= start) & (duration > 0.0)
     if not rows.any():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +25,7 @@ from multicor_cli.studies.table import StudyTable, make_table
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
-    from multicor_cli.checks import Check
+    from multicor_cli.checks import Check, Prepared
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,8 @@ class StudySession:
             self.study, [case for case, state in states if state.status is CaseStatus.WAITING]
         )
         left = [case for case, state in states if state.status is not CaseStatus.FINISHED]
-        return forecast(self.study, left, self.directory.path)
+        done = [(case, state.seconds) for case, state in states if state.seconds is not None]
+        return forecast(self.study, left, self.directory.path, done)
 
     def states(self) -> list[CaseState]:
         return [self.directory.state(case) for case in self.cases]
@@ -155,6 +156,7 @@ class Forecast:
     Attributes:
         cases: Number of them.
         hours: Time on one core [h]; None if the steps of one are not known.
+        measured: How many finished runs the time is scaled by; 0: it is not.
         disk: Size of all runs [bytes]; None if the steps of one are not known.
         memory: Of the largest case that was placed [bytes].
         grains: Of the case with the most grains.
@@ -168,6 +170,7 @@ class Forecast:
     memory: float
     grains: int
     placed: int
+    measured: int = 0
     doubtful: list[tuple[str, Check]] = field(default_factory=list)
 
     @property
@@ -198,31 +201,24 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
         raise ScenarioError(list(problems.values()))
 
 
-def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
+def forecast(
+    study: Study,
+    cases: Sequence[Case],
+    directory: Path,
+    finished: Sequence[tuple[Case, float]] = (),
+) -> Forecast:
     """Estimate the cases to be computed from a few; those that differ by the seed cost the same.
+
+    What runs of the study have taken, ``finished`` [s], scales the time: the estimate of a run is
+    rough, runs beside each other slow each other down, and that is the same for those to come.
 
     Raises:
         ScenarioError: Grains of a case cannot be placed, or space for all runs is short.
     """
-    from multicor_cli.checks import Prepared, Verdict, check_prepared
-    from multicor_cli.packing import place
-    from multicor_cli.running.from_scenario import make_plan
+    from multicor_cli.checks import Verdict, check_prepared
 
-    different = {
-        str({key: value for key, value in case.values.items() if key != SEED}): case
-        for case in cases
-    }
-    # A few all over the grid: the golden ratio, unlike halves, keeps step with no key
-    order = sorted(range(len(different)), key=lambda k: (k * 0.6180339887498949) % 1.0)
-    chosen = [list(different.values())[k] for k in sorted(order[:SAMPLES])]
-    prepared = []
-    for case in chosen:
-        scenario = check_case(study, case)
-        placed = place(scenario)
-        plan = make_plan(scenario, placed.model, placed.state)
-        prepared.append(
-            Prepared(scenario, plan, placed.model, placed.state, 1, directory, placed.origin)
-        )
+    chosen = _some(cases)
+    prepared = [_prepare(study, case, directory) for case in chosen]
     doubtful: dict[tuple[str, Verdict], tuple[str, Check]] = {}
     for case, run in zip(chosen, prepared, strict=True):
         for check in check_prepared(run):
@@ -231,6 +227,11 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
     costs = [run.cost for run in prepared]
     share = len(cases) / len(chosen) if chosen else 0.0
     seconds = _sum([cost.seconds for cost in costs])
+    compared = _some([case for case, _ in finished]) if seconds else []
+    said = _sum([_prepare(study, case, directory).cost.seconds for case in compared])
+    if seconds and said:
+        took = {case.name: each for case, each in finished}
+        seconds *= math.fsum(took[case.name] for case in compared) / said
     disk = _sum([cost.disk for cost in costs])
     found = Forecast(
         cases=len(cases),
@@ -239,10 +240,33 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
         memory=max((cost.memory for cost in costs), default=0.0),
         grains=max((run.model.grain_count for run in prepared), default=0),
         placed=len(chosen),
+        measured=len(compared),
         doubtful=list(doubtful.values()),
     )
     _refuse_without_space(study, found, directory)
     return found
+
+
+def _some(cases: Iterable[Case]) -> list[Case]:
+    """Up to `SAMPLES` cases that differ by more than the seed, from all over the grid."""
+    different = {
+        str({key: value for key, value in case.values.items() if key != SEED}): case
+        for case in cases
+    }
+    # The golden ratio, unlike halves, keeps step with no key
+    order = sorted(range(len(different)), key=lambda k: (k * 0.6180339887498949) % 1.0)
+    return [list(different.values())[k] for k in sorted(order[:SAMPLES])]
+
+
+def _prepare(study: Study, case: Case, directory: Path) -> Prepared:
+    from multicor_cli.checks import Prepared
+    from multicor_cli.packing import place
+    from multicor_cli.running.from_scenario import make_plan
+
+    scenario = check_case(study, case)
+    placed = place(scenario)
+    plan = make_plan(scenario, placed.model, placed.state)
+    return Prepared(scenario, plan, placed.model, placed.state, 1, directory, placed.origin)
 
 
 def _sum(values: Sequence[float | None]) -> float | None:

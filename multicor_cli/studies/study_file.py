@@ -164,8 +164,8 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology", "conductivity", "diffusion", "structure", "region", "profile", "theta-eta",
-            "map", "forces", "energy"
+            "rheology", "conductivity", "diffusion", "structure", "mixing", "residence",
+            "avalanches", "region", "profile", "theta-eta", "map", "forces", "energy"
         ]
         | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip
@@ -184,6 +184,12 @@ class Observable(Table):
     )
     bins: int | None = Field(
         None, ge=1, le=10_000, description="number of bins of a profile, theta-eta or structure"
+    )
+    column: str | None = Field(
+        None, min_length=1, description="column of the time series whose drops are avalanches"
+    )
+    threshold: float | None = Field(
+        None, gt=0.0, description="smallest drop of the column; default: its standard deviation"
     )
     inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
     statistic: Literal["mean", "min", "max", "std"] | None = Field(
@@ -215,12 +221,15 @@ _KEYS_OF_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "at": (("profile", "theta-eta"), ()),
     "bins": ((), ("profile", "theta-eta", "structure")),
     "inside": (("region",), ()),
+    "column": (("avalanches",), ()),
+    "threshold": ((), ("avalanches",)),
     "statistic": ((), ("map",)),
 }
 """Keys of an observable: the tables that need them, and those that may have them."""
 
 _EXAMPLES = {
     "at": "say where: at = 0.5",
+    "column": 'say which: column = "top: force_x"',
     "inside": 'say where: inside = { kind = "circle", center = [0.02, 0.01], radius = 0.005 }',
 }
 

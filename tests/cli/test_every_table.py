@@ -203,6 +203,17 @@ def neighbors(of, run, table):
         assert 0.7 < table["first_peak_distance"] < 1.3
 
 
+def drops(_of, run, table):
+    """As many as the energy falls by a standard deviation or more, whatever else is there."""
+    is_moving = np.asarray(run.series["window_duration"]) > 0.0
+    kinetic = np.asarray(run.series["kinetic"])[is_moving]
+    assert table["threshold"] == near(kinetic.std())
+    sizes = np.array(table["events"]["size"])
+    assert sizes.min() >= table["threshold"] * (1.0 - 1e-9)
+    assert sizes.max() <= np.ptp(kinetic)
+    assert table["mean"]["size"] == near(sizes.mean())
+
+
 def everywhere(of, run, table):
     """A region that holds all grains."""
     assert set(table["grains"]) == {COUNT}
@@ -266,6 +277,9 @@ TABLES = {
     "conductivity": None,
     "diffusion --margin 1": strayed,
     "structure --margin 0 --reach 1.2": neighbors,
+    "mixing": None,
+    "residence": None,
+    "avalanches --of kinetic": drops,
     "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
     "fields --spacing 0.25": coarse,
     "flow --line 0.0,0.02:0.06,0.02": flow,
@@ -286,6 +300,12 @@ def refusal(of, name):
         return "diffusion needs a mean flow that depends on the height alone"
     if name == "conductivity":
         return "conductivity needs a cell that is periodic in x and y"
+    if name == "mixing":
+        return "mixing is one of several groups"
+    if name == "residence":
+        return "no grain comes or goes in this run"
+    if name.startswith("avalanches") and of.kind == "no walls":
+        return "never drops"
     if name == "theta-eta" and not of.walls:
         return "those with a prescribed temperature in this frame are: none"
     if name == "theta-eta" and not of.bounds[0]:
@@ -422,6 +442,9 @@ VARIANTS = {
         [], ["--reach", "2", "--margin", "0"], ["--bins", "3", "--frames", ":"], ["--factor"],
         ["--reach", "1e300"],
     ],
+    "mixing": [[], ["--cell", "1", "--frames", ":"], ["--group", "grains"]],
+    "residence": [[], ["--frames", "2:"]],
+    "avalanches": [["--of", "kinetic"], ["--of", "kinetic", "--threshold", "1e-30"]],
     "region": [["--in", REGION_SEEN],
         ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [

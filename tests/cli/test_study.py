@@ -189,12 +189,16 @@ def test_status(finished):
     found = json.loads(ask(finished, "status s.toml --json").stdout)["cases"]
     assert [case["name"] for case in found] == NAMES
     assert {case["status"] for case in found} == {"finished"}
+    states = [StudyDirectory(finished / "studies/s").state(Case(name, {})) for name in NAMES]
+    assert all(state.seconds > 0.0 for state in states)
     assert call("study", "cancel", "s.toml", cwd=finished).stderr.startswith("nobody")
 
 
 def test_more_cases_are_added_and_changed_ones_refused(finished, tmp_path):
     shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
     write(tmp_path, ("seeds = 2", "seeds = [4, 5]"))
+    said = ask(tmp_path, "validate s.toml").stdout
+    assert "from 2 cases and from what 2 finished runs took" in " ".join(said.split())
     done = ask(tmp_path, "run s.toml", call=call_outside)
     assert "2 cases with" in done.stderr
     new = {"friction=0.2_seed=5", "friction=0.4_seed=5"}

@@ -24,7 +24,7 @@ def test_report_of_a_real_run(typed, tmp_path):
     assert re.search(r"wrote .*small\.html: .* kB, 7 of \d+ frames", done.stderr)
     text = target.read_text(encoding="utf-8")
     assert '<h1 dir="auto">small</h1>' in text
-    assert "Velocity over the height" in text
+    assert "Horizontal velocity over the height" in text
     assert re.search(r"7 of \d+ frames of the run\.", text)
     written_again(typed, line, target)
 
@@ -58,6 +58,7 @@ def test_animate_without_ffmpeg_writes_a_gif_and_says_so(typed, tmp_path, monkey
     ("profile RUN", "velocity [m/s]"),
     ("theta-eta HEATED --wall top --bins 5", "theta [–]"),
     ("structure RUN --margin 0", "pair correlation g [–]"),
+    ("avalanches RUN --of kinetic --threshold 1e-12", "kinetic [J]"),
     ("energy RUN", "lost to friction [J]"),
     ("forces RUN", "normal force, mean"),
 ])  # fmt: skip

@@ -45,6 +45,9 @@ post rheology run
 post conductivity run
 post diffusion run --margin 1
 post structure run
+post mixing run
+post residence run
+post avalanches run --of kinetic
 post fields run
 post energy run
 post region run --in {min=[0.0,0.0],max=[0.02,0.01]}

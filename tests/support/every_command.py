@@ -15,7 +15,7 @@ from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from scenes import CONDUCTING, SMALL, WARM
+from scenes import CONDUCTING, RAIN, SMALL, WARM
 
 STUDY = """\
 [study]
@@ -39,6 +39,7 @@ validate small.toml
 run small.toml -o run
 run warm.toml -o warm
 run packed.toml -o packed
+run rain.toml -o rain
 info run
 verify run
 report run --frames 3
@@ -53,6 +54,9 @@ post conductivity packed --frames : --plot conductivity.png
 post conductivity packed --network --plot network.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
 post structure packed --factor --plot structure.png
+post mixing rain --plot mixing.png
+post residence rain --plot residence.png
+post avalanches run --of kinetic --plot drops.png
 post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png
 post fields run --plot fields.png
 post energy warm --plot energy.png
@@ -141,7 +145,12 @@ def main():
     faults += [text for words, code in texts if (text := fault(words, run_here(words), code))]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file, text in {"small": SMALL, "warm": WARM, "packed": CONDUCTING}.items():
+        for file, text in {
+            "small": SMALL,
+            "warm": WARM,
+            "packed": CONDUCTING,
+            "rain": RAIN,
+        }.items():
             (folder / f"{file}.toml").write_text(text)
         for kind in ("sobol", "latin-hypercube"):
             (folder / f"{kind}.toml").write_text(STUDY.replace("KIND", kind))

@@ -425,3 +425,49 @@ def write_small(directory: Path, text: str = SMALL) -> Path:
     path = directory / "small.toml"
     path.write_text(text)
     return path
+
+
+RAIN = """\
+[scenario]
+name = "rain"
+seed = 2
+[domain]
+size = [0.02, 0.03]
+gravity = [0.0, -9.81]
+[materials.steel]
+density = 7500.0
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.3
+[[particles]]
+name = "large"
+material = "steel"
+shape = "sphere"
+sizes = { kind = "list", radii = [0.7e-3] }
+count = 20
+release = { rate = 400.0, region = { min = [0.005, 0.025], max = [0.015, 0.03] } }
+[[particles]]
+name = "small"
+material = "steel"
+shape = "sphere"
+sizes = { kind = "list", radii = [0.5e-3] }
+count = 20
+release = { rate = 400.0, region = { min = [0.005, 0.025], max = [0.015, 0.03] } }
+[[walls]]
+name = "floor"
+material = "steel"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[[outlets]]
+name = "all"
+region = { min = [0.0, 0.0], max = [0.02, 0.008] }
+then = "release"
+[[loading]]
+name = "rain"
+duration = 0.2
+[solver]
+dt = 2e-4
+[output]
+frame_interval = 0.005
+series_interval = 0.001
+"""
+"""Two groups fall into an outlet and begin again."""

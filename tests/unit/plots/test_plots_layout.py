@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cells import square_of_discs
+from made_up_groups import dropped, mixed, stayed
 
 from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
@@ -97,6 +98,10 @@ def test_charts(column, drawn):
         pairs,
         factor,
         pairs.with_(factor=factor),
+        mixed(),
+        stayed(),
+        dropped(),
+        dropped(power_law=True),
     ):
         drawn(table)
 

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
-from drawn import map_of, panel_of
+from drawn import figure_of, map_of, panel_of
 from heat_run import GRAINS
+from matplotlib.figure import Figure
 
-from multicor_cli.plots import draw_forces, draw_theta_eta
+from multicor_cli.plots import draw_forces, draw_theta_eta, place_scene
+from multicor_cli.plots.fields import _fill
 from multicor_cli.plots.forces import line_widths, segments
-from multicor_cli.plots.grain_map import color_scale, solid_polygons
-from multicor_cli.plots.style import COLORS
-from multicor_cli.post import MAPPED, force_network, grain_map, theta_eta
+from multicor_cli.plots.grain_map import color_scale, count_beyond, solid_polygons
+from multicor_cli.plots.style import COLORS, house_style
+from multicor_cli.plots.vectors import round_below
+from multicor_cli.post import MAPPED, Selection, fields, force_network, grain_map, theta_eta
 from multicor_cli.text import unit_sign
 
 
@@ -81,6 +84,67 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column):
 
     assert tuple(lines.get_colors()[0]) == pytest.approx(to_rgba(COLORS[1]))  # sliding
     assert tuple(lines.get_colors()[1]) == pytest.approx(to_rgba(COLORS[0]))
+
+
+def test_pictures_of_a_frame_say_when_it_was(column):
+    of_grains, network = grain_map(column, "speed", 2), force_network(column, 2)
+    told = {
+        map_of(of_grains).get_title("left"),
+        panel_of(draw_forces, network).get_title("left"),
+        panel_of(draw_theta_eta, theta_eta(column, 2, wall="top")).get_title("left"),
+        figure_of(_fill, fields(column, ["speed"], Selection(frames=slice(2, 3))))
+        .axes[0]
+        .get_title("left"),
+    }
+    assert told == {f"$t$ = {of_grains.time:.6g} s, frame 2"}
+    several = figure_of(_fill, fields(column, ["speed"], Selection(frames=slice(1, 3))))
+    assert several.axes[0].get_title("left").startswith("mean of 2 frames, $t$ = ")
+
+
+def test_pictures_have_one_scale_if_asked(column):
+    table = grain_map(column, "temperature")
+    low, high = table.value.min() + 0.5, table.value.max() + 4.0
+    panel = map_of(table, ends=(low, high))
+    discs = panel.collections[0]
+    assert (discs.norm.vmin, discs.norm.vmax) == (low, high)
+    below = int((table.value < low).sum())
+    assert below > 0
+    assert f"; {below} grain{'s' * (below > 1)} below" in panel.figure.axes[1].get_xlabel()
+    network = force_network(column)
+    mean = float(np.abs(network.force[:, 0]).mean())
+    widths = [
+        line_widths(panel_of(draw_forces, network), network, unit) for unit in (None, 2 * mean)
+    ]
+    wide = widths[0] < widths[0].max()  # up to the widest
+    assert widths[0][wide] == pytest.approx(2.0 * widths[1][wide])
+    with house_style():
+        place = place_scene(Figure(), network.scene, has_bar=False)
+        draw_forces(place.axes, network, unit=2.0 * mean)
+    texts = [text.get_text() for text in place.axes.figure.legends[0].get_texts()]
+    assert texts[2:] == [f"{2 * mean:.2g} N", f"{6 * mean:.2g} N"]
+
+
+def test_a_color_bar_says_how_many_grains_are_beyond(column):
+    table = grain_map(column, "temperature")
+    scale, _ = color_scale(table, (table.value.min(), table.value.max()))
+    assert count_beyond(table, scale) == ""
+    ranks = np.sort(table.value)
+    for ends, text in (
+        ((ranks[1], ranks[-1]), "1 grain below"),
+        ((ranks[0], ranks[-4]), "3 grains above"),
+        ((ranks[2], ranks[-2]), "2 grains below, 1 above"),
+    ):
+        assert count_beyond(table, color_scale(table, ends)[0]) == text
+    heat = grain_map(column, "heat")
+    cold = heat.with_(value=heat.value * (np.arange(GRAINS) > 3))
+    assert count_beyond(cold, color_scale(cold)[0]) == "white: 4 grains below"
+
+
+@pytest.mark.parametrize(("value", "below"), [
+    (1.0, 1.0), (0.0199, 0.01), (0.7, 0.5), (4.99, 2.0), (2.0e5, 2.0e5), (9.9e-7, 5e-7),
+])  # fmt: skip
+def test_keys_are_round(value, below):
+    assert round_below(value) == pytest.approx(below, rel=1e-12)
 
 
 def test_theta_eta_shows_grains_and_means(column):

@@ -9,7 +9,7 @@ from drawn import figure_of, map_of, panel_of
 
 from multicor_cli import plots, post
 from multicor_cli.plots.fields import _draw_mesh
-from multicor_cli.plots.grain_map import smooth_field
+from multicor_cli.plots.vectors import round_below, smooth_field
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.post.lattice import Lattice
 
@@ -94,7 +94,7 @@ def make_vortex(n=4000):
     scene = GrainScene(center, np.full(n, 0.005), [], Lattice(), np.array([[0.0, 0.0], [1.0, 1.0]]))
     speed = post.Column("value", "m/s", np.hypot(*vector.T))
     parts = {"field": post.MAPPED["fluctuation"], "scene": scene, "vector": vector, "names": ()}
-    return post.GrainMap((), {}, [speed], flow=None, **parts)
+    return post.GrainMap((), {"time": 1.5, "frame": 3}, [speed], flow=None, **parts)
 
 
 def test_smooth_field_is_the_local_mean():
@@ -136,6 +136,11 @@ def test_map_has_streamlines_or_arrows(column):
         lines = [c for c in drawn if isinstance(c, LineCollection) and len(c.get_segments()) > 5]
         assert bool(lines) is has_streamlines
         assert any(isinstance(c, Quiver) for c in drawn) is not has_streamlines
+    (key,) = map_of(table, has_streamlines=False).artists
+    longest = np.quantile(table.value, 0.95)
+    assert round_below(longest) == key.U
+    assert key.text.get_text() == f"{key.U:g} m/s"
+    assert key.vector.get_path_effects()
     map_of(post.grain_map(column, "fluctuation", 0))  # at rest: no lines, no error
 
 

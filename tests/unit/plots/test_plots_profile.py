@@ -19,7 +19,7 @@ def make_table(*, error=0.01, low=0.0):
 
 
 def test_axes_carry_quantity_and_unit():
-    assert axis_labels(make_table()) == ("velocity $v_x$ [m/s]", "height $y$ [m]")
+    assert axis_labels(make_table()) == ("horizontal velocity $v_x$ [m/s]", "height $y$ [m]")
     across, upwards = axis_labels(make_table().normalized())
     assert "wall" in across
     assert upwards == "height $y/H$ [–]"
@@ -37,6 +37,26 @@ def test_bands_are_errors_around_the_mean_where_there_are_any():
     assert axes.get_legend() is not None
     axes = panel_of(draw_profile, make_table(error=np.nan))
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["mean, errors not known"]
+
+
+def test_errors_that_are_not_known_leave_no_islands():
+    """Each known error is a box about its value, each other value a hollow marker."""
+    table = make_table()
+    error = table.error.copy()
+    error[[0, 2, 3, 5]] = np.nan
+    axes = panel_of(draw_profile, table.with_(error=error))
+    known = np.isfinite(error)
+    assert len(axes.patches) == known.sum()
+    for box, k in zip(axes.patches, np.flatnonzero(known), strict=True):
+        sides = box.get_x() + 0.01, box.get_width(), box.get_y() + 0.05, box.get_height()
+        assert sides == pytest.approx((table.value[k], 0.02, table.y[k], 0.1))
+    hollow = axes.lines[-1]
+    assert hollow.get_ydata().tolist() == table.y[~known].tolist()
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert sorted(texts) == ["mean", "mean, error not known", "standard error"]
+    only = profile_of("velocity", np.array([0.5]), np.array([0.1]), 0.02)
+    (box,) = panel_of(draw_profile, only).patches
+    assert (box.get_y(), box.get_height(), box.get_width()) == pytest.approx((0.0, 1.0, 0.04))
 
 
 def test_figures_are_a_column_wide_and_reproducible(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cells import square_of_discs
 from made_up_frames import profile_of
+from made_up_groups import dropped, mixed, stayed
 from matplotlib.figure import Figure
 
 from multicor_cli import post
@@ -121,6 +122,9 @@ def test_every_table_can_be_shown_in_a_terminal(column):
         "pair correlation g [–]": arranged,
         "structure factor S [–]": arranged.with_(factor=of_waves),
         "friction mu* [–]": post.rheology(column, ALL),
+        "mixing index M [–]": mixed(),
+        "share still inside [–]": stayed(),
+        "pull [N]": dropped(),
         "probability density [–]": post.force_distribution(column, ALL),
         "direction [°]": post.angular_distribution(column, ALL),
         "height y/H [–]": post.compare(column, column, ["velocity"], ALL),

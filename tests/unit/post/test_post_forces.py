@@ -21,7 +21,7 @@ def test_numbers_of_a_network(column):
         "sliding_share": 0.4,
     }  # fmt: skip
     assert network.summary == pytest.approx(expected)
-    assert dict(network.rows)["coordination number Z"] == pytest.approx(1.9)
+    assert dict(network.rows)["coordination number"] == pytest.approx(1.9)
     assert network.as_dict()["frame"] == 4
 
 

@@ -87,7 +87,7 @@ def test_normalized_runs_from_wall_to_wall():
 
 def test_normalizing_needs_two_walls_that_differ():
     source = make_source(np.full((2, 2), 0.5), np.full(2, 0.1), np.ones((2, 2)), lid_speed=0.0)
-    with pytest.raises(PostError, match="different velocity"):
+    with pytest.raises(PostError, match="different horizontal velocity"):
         profile(source).normalized()
     alone = with_shapes(source, [ShapeKind.PLANE, ShapeKind.PLANE], [[0, 0, 1, 0], [1, 0, -1, 0]])
     table = profile(alone)

@@ -12,6 +12,7 @@ from scene_parts import between_planes, make_shapes
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, rheology
 from multicor_cli.post.rheology import QUANTITIES
+from multicor_cli.post.source import bounds_of_intervals
 from multicor_cli.store import open_run
 
 N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25
@@ -112,6 +113,36 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height():
     large = replace(glued, geometry=glued.geometry * [1.0, 1.0, 10.0, 1.0])
     narrow = other(source, shapes=large)
     assert rheology(narrow, Selection(start=0.0)).margin == pytest.approx(0.4 / 3.0)
+
+
+def test_a_short_interval_at_the_end_of_a_stage_is_one_with_that_before_it():
+    """One of two rows of the series, in which the wall is pulled as hard as in any."""
+    source = make_source(6)
+    whole = rheology(source, Selection(start=0.0))
+    frames, time = source.frames, source.frames.time.copy()
+    time[-1] = time[-2] + 0.2 * LAPSE
+    source.frames.time = time
+    source.series = {name: rows[:42] for name, rows in source.series.items()}
+    cut = rheology(source, Selection(start=0.0))
+    assert cut.time == pytest.approx([*whole.time[:3], time[-1]])
+    assert cut.frame_count == 5
+    assert cut.values["friction_walls"] == pytest.approx([0.3] * 4, rel=1e-2)
+    frames.stage[-2:] = 1  # the end of a stage and the only frame of the next
+    assert rheology(source, Selection(start=0.0)).time == pytest.approx(time[1:])
+
+
+@pytest.mark.parametrize(("times", "stages", "kept"), [
+    ([0, 1, 2, 2.4], [0, 0, 0, 0], [0, 1, 3]),
+    ([0, 1, 2, 2.6], [0, 0, 0, 0], [0, 1, 2, 3]),
+    ([0, 1, 2, 2.1, 3, 4], [0, 0, 0, 0, 1, 1], [0, 1, 3, 4, 5]),
+    ([0, 1, 2, 2.1, 2.2, 2.3, 2.31], [0, 0, 0, 1, 1, 1, 1], [0, 1, 2, 3, 4, 6]),  # closer frames
+    ([0, 0.1], [0, 0], [0, 1]),
+    ([0], [0], [0]),
+])  # fmt: skip
+def test_which_frames_bound_intervals(times, stages, kept):
+    frames = SimpleNamespace(time=np.array(times, float), stage=np.array(stages))
+    found = bounds_of_intervals(SimpleNamespace(frames=frames), np.arange(len(times)))
+    assert found.tolist() == kept
 
 
 def test_no_bulk_has_a_negative_area():

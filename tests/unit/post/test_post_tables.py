@@ -4,9 +4,11 @@ import sys
 
 import numpy as np
 import pytest
+from page_tables import MEASURED, POST, with_tables
 
 from multicor_cli import post
 from multicor_cli.optional import MissingLibrary
+from multicor_cli.post import QUANTITIES
 from multicor_cli.post.compare import _labels
 from multicor_cli.post.sums import scatter
 
@@ -75,3 +77,26 @@ def test_scatter_and_names_of_runs():
     assert _labels([seed], ("a", "b")) == ("seed = 1", "seed = 2")
     assert _labels([friction, ("solver.dt", "1", "2")], ("a", "b")) == ("a", "b")
     assert _labels([], ("a", "b")) == ("a", "b")
+
+
+def test_the_page_lists_what_is_measured():
+    text = POST.read_text(encoding="utf-8")
+    assert with_tables(text) == text, "run python tests/support/page_tables.py"
+
+
+def test_one_quantity_has_one_name():
+    """What has the name of a profile or map is called so everywhere; what is added says where."""
+    called = {quantity.name.replace("-", "_"): quantity.label for quantity in QUANTITIES.values()}
+    other = {
+        "pressure",
+        "fluctuation",
+        "stress_xx",
+        "stress_xy",
+        "stress_yy",
+    }  # of walls, of heat, …
+    for command, quantities in MEASURED.items():
+        for each in quantities:
+            name = each.name.replace("-", "_")
+            if name in called and name not in other:
+                label = each.label.strip().removeprefix("of this ")
+                assert label.startswith(called[name]), (command, each)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 from command_line import call
-from scenes import SMALL, WARM
+from scenes import RAIN, SMALL, WARM
 
 import multicor_cli as multicor
 from multicor_cli.post import grain_map
@@ -29,6 +29,11 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def hot(tmp_path_factory):
     return computed(tmp_path_factory.mktemp("hot"), WARM)
+
+
+@pytest.fixture(scope="module")
+def rain(tmp_path_factory):
+    return computed(tmp_path_factory.mktemp("rain"), RAIN)
 
 
 def computed(folder, text):
@@ -95,6 +100,35 @@ def test_structure(hot):
         expected = (found["first_peak"], found["first_peak_error"])
         assert taken(hot, value="first_peak", **keys) == pytest.approx(expected, nan_ok=True)
         assert taken(hot, value="first_peak_distance", **keys)[0] == found["first_peak_distance"]
+
+
+def test_mixing_and_residence(rain):
+    found = printed(rain, "mixing", "--from", "0.05")
+    for name in SOURCES["mixing"].names:
+        pair = taken(rain, post="mixing", value=name, after={"time": 0.05})
+        assert pair == pytest.approx((found["mean"][name], found["standard_error"][name]))
+    stays = printed(rain, "residence")
+    assert stays["ended"][0] > 50
+    pair = taken(rain, post="residence", value="mean")
+    assert pair == pytest.approx((stays["mean"][0], stays["standard_error"][0]))
+    assert taken(rain, post="residence", value="median")[0] == stays["median"][0]
+
+
+def test_avalanches(run):
+    found = printed(
+        run, "avalanches", "--of", "top: force_x", "--from", "0.02", "--threshold", "1e-9"
+    )
+    assert found["mean"]["count"] > 1
+    for name in SOURCES["avalanches"].names:
+        pair = taken(
+            run, post="avalanches", value=name, column="top: force_x", threshold=1e-9, after=LATE
+        )
+        expected = (found["mean"][name], found["standard_error"][name])
+        assert pair == pytest.approx(expected, nan_ok=True)
+    with pytest.raises(ValueError, match="needs column"):
+        observable(post="avalanches", value="size")
+    with pytest.raises(ValueError, match="threshold belongs to"):
+        observable(post="mixing", value="separation", threshold=1.0)
 
 
 def test_maps_and_forces(run):

@@ -215,3 +215,15 @@ def test_what_a_study_costs_is_the_sum_of_its_cases(read):
     assert 6.0 * one.hours < both.hours < 8.0 * one.hours
     assert both.grains == one.grains == 60
     assert both.needs.threads == 1
+
+
+def test_what_has_run_says_what_the_rest_takes(read):
+    """Runs that took three times what was estimated: so will the others."""
+    study = read('[vary]\n"loading.2.duration" = [0.004, 0.006, 0.008]\n')
+    cases = expand(study)
+    first, rest = cases[:2], cases[2:]
+    took = [(case, 3.0 * 3600.0 * forecast(study, [case], Path()).hours) for case in first]
+    before, after = forecast(study, rest, Path()), forecast(study, rest, Path(), took)
+    assert (before.measured, after.measured) == (0, 2)
+    assert after.hours == pytest.approx(3.0 * before.hours)
+    assert after.disk == before.disk
