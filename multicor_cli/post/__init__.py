@@ -1,6 +1,14 @@
 """Tables computed from a run directory, each in a module of its own; these are at hand here."""
 
 from multicor_cli.post.cell_rheology import CellRheology as CellRheology
+from multicor_cli.post.chain_lengths import ChainLengths as ChainLengths
+from multicor_cli.post.chain_lengths import ChainMap as ChainMap
+from multicor_cli.post.chain_lengths import chain_lengths as chain_lengths
+from multicor_cli.post.chain_lengths import chain_map as chain_map
+from multicor_cli.post.chains import Chains as Chains
+from multicor_cli.post.chains import chains as chains
+from multicor_cli.post.clusters import Clusters as Clusters
+from multicor_cli.post.clusters import clusters as clusters
 from multicor_cli.post.compare import Comparison as Comparison
 from multicor_cli.post.compare import ProfilePair as ProfilePair
 from multicor_cli.post.compare import compare as compare
@@ -14,6 +22,8 @@ from multicor_cli.post.energy import EnergyTable as EnergyTable
 from multicor_cli.post.energy import SeriesTable as SeriesTable
 from multicor_cli.post.energy import energy as energy
 from multicor_cli.post.energy import series as series
+from multicor_cli.post.fabric import Fabric as Fabric
+from multicor_cli.post.fabric import fabric as fabric
 from multicor_cli.post.fields import FieldTable as FieldTable
 from multicor_cli.post.fields import fields as fields
 from multicor_cli.post.forces import AngularDistribution as AngularDistribution
@@ -26,8 +36,13 @@ from multicor_cli.post.grain_map import GrainMap as GrainMap
 from multicor_cli.post.grain_map import GrainScene as GrainScene
 from multicor_cli.post.grain_map import grain_map as grain_map
 from multicor_cli.post.grain_map import make_scene as make_scene
+from multicor_cli.post.lifetimes import LIFETIMES as LIFETIMES
+from multicor_cli.post.lifetimes import Lifetimes as Lifetimes
+from multicor_cli.post.lifetimes import lifetimes as lifetimes
 from multicor_cli.post.mean_heat import MeanHeat as MeanHeat
 from multicor_cli.post.mean_heat import mean_heat as mean_heat
+from multicor_cli.post.mobilization import Mobilization as Mobilization
+from multicor_cli.post.mobilization import mobilization as mobilization
 from multicor_cli.post.profile import ProfileSet as ProfileSet
 from multicor_cli.post.profile import ProfileTable as ProfileTable
 from multicor_cli.post.profile import profile as profile
