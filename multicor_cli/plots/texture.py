@@ -75,15 +75,14 @@ def _over_time(panels: Panels, rows: int, columns: int, height: float) -> Render
 
     def text(table: TimeTable, _terminal: Terminal) -> str:
         return draw_charts(
-            (label.replace("$", ""), [TextLine(_plain(name), table.time, table.values[name]) for name, _ in quantities])
+            (
+                label.replace("$", ""),
+                [TextLine(name, table.time, table.values[name]) for name, _ in quantities],
+            )
             for label, quantities in panels[:3]
-        )  # fmt: skip
+        )
 
     return Renderer(lambda _: (PAGE, height * PAGE), draw, text)
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ") if name not in _A else name
 
 
 # ---- Lengths of chains, and the chains of a frame
