@@ -69,14 +69,7 @@ def mobilized(
     """
     normal, tangential = np.abs(contacts.force.T)
     pair = model.material[contacts.i], model.material[contacts.j]
-    mu, pull = laws.friction[pair], np.zeros(normal.size)
-    if laws.table_speed.size:
-        slip = np.asarray(frame.contacts.slip, np.float64)[contacts.row]
-        mu = _of_speed(laws, pair, mu, np.abs(slip))
-    if laws.depends_on_temperature:
-        of_wall = need_heat(frame.wall_temperature)[model.shapes.wall]
-        temperature = np.concatenate([need_heat(frame.temperature), of_wall])
-        mu = _softened(laws, pair, mu, temperature[contacts.i], temperature[contacts.j])
+    mu, pull = _friction(laws, pair, contacts, model, frame), np.zeros(normal.size)
     if laws.adhesion.size:
         gap = np.asarray(frame.contacts.gap, np.float64)[contacts.row]
         pull = laws.adhesion[pair] * _share_of_force(laws, pair, gap)
@@ -90,6 +83,25 @@ def mobilized(
 _Pairs = tuple[NDArray[Any], NDArray[Any]]
 
 
+def _friction(
+    laws: ContactLaws, pair: _Pairs, contacts: LoadedContacts, model: Model, frame: Frame
+) -> Floats:
+    """μ of each contact; what it does not depend on is not read."""
+    mu = laws.friction[pair]
+    slip = temperature = np.full(mu.size, np.nan)
+    if laws.table_speed.size or laws.flash_speed.size:
+        slip = np.abs(np.asarray(frame.contacts.slip, np.float64)[contacts.row])
+    if laws.depends_on_temperature:
+        temperature = _temperatures(contacts, model, frame)
+    if laws.table_speed.size:
+        mu = _of_speed(laws, pair, mu, slip)
+    if laws.softening_rate.size:
+        mu = _softened(laws, pair, mu, temperature)
+    if laws.flash_speed.size:
+        mu = _weakened(laws, pair, mu, temperature, slip)
+    return mu
+
+
 def _of_speed(laws: ContactLaws, pair: _Pairs, mu: Floats, speed: Floats) -> Floats:
     """μ at sliding speeds [m/s] of the pairs that have a table, linear in it."""
     mu, table = mu.copy(), laws.table[pair]
@@ -99,12 +111,34 @@ def _of_speed(laws: ContactLaws, pair: _Pairs, mu: Floats, speed: Floats) -> Flo
     return mu
 
 
-def _softened(laws: ContactLaws, pair: _Pairs, mu: Floats, first: Floats, second: Floats) -> Floats:
-    """μ at the mean of two temperatures [K]; at the first where the second, of a wall, is nan."""
-    rise = np.where(np.isnan(second), first, 0.5 * (first + second)) - laws.softening_start[pair]
+def _temperatures(contacts: LoadedContacts, model: Model, frame: Frame) -> Floats:
+    """Mean temperature of both bodies [K]; that of the grain where a wall has none."""
+    of_wall = need_heat(frame.wall_temperature)[model.shapes.wall]
+    temperature = np.concatenate([need_heat(frame.temperature), of_wall])
+    first, second = temperature[contacts.i], temperature[contacts.j]
+    return np.where(np.isnan(second), first, 0.5 * (first + second))
+
+
+def _softened(laws: ContactLaws, pair: _Pairs, mu: Floats, temperature: Floats) -> Floats:
+    """μ at temperatures [K] of the pairs whose friction depends on it."""
+    rate, rise = laws.softening_rate[pair], temperature - laws.softening_start[pair]
     lowest, highest = laws.softening_lowest[pair], laws.softening_highest[pair]
-    rate = laws.softening_rate[pair]
-    return np.where(rate == 0.0, mu, np.clip(mu * (1.0 - rate * rise), lowest, highest))
+    soft = np.clip(mu * (1.0 - rate * rise), lowest, highest)
+    return np.asarray(np.where(rate == 0.0, mu, soft))
+
+
+def _weakened(
+    laws: ContactLaws, pair: _Pairs, mu: Floats, temperature: Floats, slip: Floats
+) -> Floats:
+    """μ that flash heating leaves at temperatures [K] and sliding speeds [m/s]: Rice (2006)."""
+    speed, limit = laws.flash_speed[pair], laws.flash_limit[pair]
+    falls = np.isfinite(limit)
+    room = np.maximum(limit - temperature, 0.0)[falls]
+    speed[falls] *= (room / (limit - laws.flash_reference[pair])[falls]) ** 2
+    fast, weak = slip > speed, laws.flash_weakened[pair]
+    part = np.ones(mu.size)
+    part[fast] = speed[fast] / slip[fast]
+    return np.where(fast, weak + (mu - weak) * part, mu)
 
 
 def _share_of_force(laws: ContactLaws, pair: _Pairs, gap: Floats) -> Floats:

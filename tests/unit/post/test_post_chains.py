@@ -26,7 +26,7 @@ def scene(*rows, idle=0):
     """A frame of rows far from each other, and of idle grains that bring the mean down."""
     places, i, j, normal, force, count = [], [], [], [], [], 0
     for k, (place, *contact) in enumerate(rows):
-        places.append(place + [0.0, 20.0 * k])
+        places.append(place + np.array([0.0, 20.0 * k]))
         for own, values in zip((i, j, normal, force), contact, strict=True):
             own.append(values + (count if values.ndim == 1 else 0))
         count += len(place)
@@ -135,9 +135,10 @@ def test_chains_against_plain_loops(seed):
     found = find_chains(loaded_contacts(frame, model), model, 40.0)
     assert len(expected) > 2
     assert found.stress == pytest.approx(major)
-    assert sorted(
-        np.flatnonzero(found.of_grain == k).tolist() for k in range(found.length.size)
-    ) == expected
+    assert (
+        sorted(np.flatnonzero(found.of_grain == k).tolist() for k in range(found.length.size))
+        == expected
+    )
     assert found.length.tolist() == sorted(map(len, expected), reverse=True)
     in_chains = {grain for own in expected for grain in own}
     assert found.link.size == sum(i in in_chains for i, _ in links)

@@ -109,9 +109,7 @@ def test_pairs_go_by_the_numbers_of_the_grains():
     here = np.delete(np.arange(COUNT), 5)
     left = model.with_grains(here)
     before = frame_with([(4, 5), (6, 7), (8, COUNT)], model=model, number=np.arange(COUNT))
-    after = frame_with(
-        [(5, 6), (7, COUNT - 1), (0, 1)], grains=COUNT - 1, model=left, number=here
-    )
+    after = frame_with([(5, 6), (7, COUNT - 1), (0, 1)], grains=COUNT - 1, model=left, number=here)
     table = post.lifetimes(source_of(model, [before, after]), ALL)
     assert table.contacts == pytest.approx([2 / 3])
 
