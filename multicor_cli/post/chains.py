@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -188,15 +189,17 @@ def _derive(sums: Floats) -> dict[str, Floats]:
 
 def find_all(
     source: Run, selection: Selection | None, angle: float
-) -> tuple[NDArray[np.int64], list[tuple[LoadedContacts, FoundChains]]]:
-    """The frames that have forces, and the contacts and chains of each."""
+) -> tuple[NDArray[np.int64], Iterator[tuple[LoadedContacts, FoundChains]]]:
+    """The frames that have forces, and the contacts and chains of each, one after the other."""
     if not 0.0 < angle < 90.0:
         raise PostError(f"the angle {angle:g} of chains must be between 0 and 90 degrees")
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
     need_grains(source, chosen)
-    found = []
-    for frame in frames_of(source, chosen):
-        model = model_of(source, frame)
-        contacts = loaded_contacts(frame, model)
-        found.append((contacts, find_chains(contacts, model, angle)))
-    return chosen, found
+
+    def found() -> Iterator[tuple[LoadedContacts, FoundChains]]:
+        for frame in frames_of(source, chosen):
+            model = model_of(source, frame)
+            contacts = loaded_contacts(frame, model)
+            yield contacts, find_chains(contacts, model, angle)
+
+    return chosen, found()

@@ -116,7 +116,7 @@ def _temperatures(contacts: LoadedContacts, model: Model, frame: Frame) -> Float
     of_wall = need_heat(frame.wall_temperature)[model.shapes.wall]
     temperature = np.concatenate([need_heat(frame.temperature), of_wall])
     first, second = temperature[contacts.i], temperature[contacts.j]
-    return np.where(np.isnan(second), first, 0.5 * (first + second))
+    return np.asarray(np.where(np.isnan(second), first, 0.5 * (first + second)))
 
 
 def _softened(laws: ContactLaws, pair: _Pairs, mu: Floats, temperature: Floats) -> Floats:
