@@ -156,14 +156,17 @@ def draw_angles(figure: Any, table: AngularDistribution) -> None:
     title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]"
     mean = float(np.nanmean(table.normal))
     _draw_polar(forces, table, "n", table.normal, mean, COLORS[1], title)
-    _draw_tangential(figure.add_subplot(grid[1, :]), table, mean)
+    scatter = _draw_tangential(figure.add_subplot(grid[1, :]), table, mean)
     text = r"$1 + a \cos 2(\theta - \theta_a)$, below $-a_t \sin 2(\theta - \theta_t)$"
     text += ", times the mean, with the $a$ and $\\theta_a$ above"
-    figure.legend([forces.lines[-1]], [text], loc="outside lower center")
+    names = {text: forces.lines[-1]} | ({"scatter of frames": scatter} if scatter else {})
+    figure.legend([*names.values()], [*names], loc="outside lower center")
 
 
-def _draw_tangential(axes: Any, table: AngularDistribution, level: float) -> None:
-    """The tangential force over half a circle: the other half repeats it."""
+def _draw_tangential(axes: Any, table: AngularDistribution, level: float) -> Any:
+    """The tangential force over half a circle, as the other half repeats it; returns what shows its
+    scatter, or None.
+    """
     half, color = table.angle.size // 2, COLORS[2]
     degrees, value = np.degrees(table.angle[:half]), table.tangential[:half]
     axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
@@ -171,7 +174,9 @@ def _draw_tangential(axes: Any, table: AngularDistribution, level: float) -> Non
         degrees, np.nan_to_num(value), width=180.0 / half, color=color, alpha=0.4, linewidth=0.0
     )
     bars: dict[str, Any] = {"ecolor": color, "elinewidth": 0.7, "capsize": 1.2}
-    axes.errorbar(degrees, value, yerr=table.tangential_scatter[:half], fmt="none", **bars)
+    around = table.tangential_scatter[:half]
+    is_known = bool(np.isfinite(around).any())
+    scatter = axes.errorbar(degrees, value, yerr=around, fmt="none", **bars) if is_known else None
     theta = np.linspace(0.0, 180.0, 181)
     a, main = table.moments["a_t"], table.moments["theta_t"]
     wave = -level * a * np.sin(2.0 * np.radians(theta - main))
@@ -184,6 +189,7 @@ def _draw_tangential(axes: Any, table: AngularDistribution, level: float) -> Non
     axes.set(xlim=(0.0, 180.0), xticks=np.arange(0.0, 181.0, 30.0))
     axes.set_xlabel(r"direction of the normal $\theta$ [°]")
     axes.set_ylabel(r"$\langle f_t \rangle(\theta)/\langle f_n \rangle$ [–]")
+    return scatter
 
 
 def _moment(name: str, table: AngularDistribution) -> str:
