@@ -160,7 +160,7 @@ def draw_angles(figure: Any, table: AngularDistribution) -> None:
     text = r"$1 + a \cos 2(\theta - \theta_a)$, below $-a_t \sin 2(\theta - \theta_t)$"
     text += ", times the mean, with the $a$ and $\\theta_a$ above"
     names = {text: forces.lines[-1]} | ({"scatter of frames": scatter} if scatter else {})
-    figure.legend([*names.values()], [*names], loc="outside lower center")
+    figure.legend([*names.values()], [*names], loc="outside lower center", ncols=2)
 
 
 def _draw_tangential(axes: Any, table: AngularDistribution, level: float) -> Any:
@@ -284,7 +284,7 @@ FIGURES = {
         lambda figure, table: draw_distribution(figure.add_subplot(), table),
         distribution_text,
     ),
-    AngularDistribution: Renderer(lambda _: (PAGE, 0.85 * PAGE), draw_angles, angles_text),
+    AngularDistribution: Renderer(lambda _: (PAGE, 0.88 * PAGE), draw_angles, angles_text),
     Mobilization: Renderer(
         lambda _: (COLUMN, 0.8 * COLUMN),
         lambda figure, table: draw_mobilization(figure.add_subplot(), table),

@@ -121,6 +121,7 @@ MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
 BINS = 36
 """Bins of directions over the full circle, unless told otherwise."""
 
+_KNOWN = 0.05  # singular value over the largest: directions within some 50° say nothing of others
 _NOTHING = "no two grains press on each other in these frames"
 _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 
@@ -328,7 +329,7 @@ def waves_of(sums: Floats, wave: complex) -> dict[str, complex]:
 
     ``c`` of contacts, from single ones; ``n`` and ``t`` of their normal and tangential forces, and
     ``l`` of their lengths if they have them, fitted to bins that count alike, unless empty: Fourier
-    coefficients if none is. See `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)).
+    coefficients if none is, and of directions within some 50° the fit of least norm. See `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)).
     """
     count, half = sums[0], sums.shape[1]
     known, width = count > 0.0, np.pi / half
@@ -337,7 +338,7 @@ def waves_of(sums: Floats, wave: complex) -> dict[str, complex]:
     turned = np.exp(1j * twice) * (np.sin(width) / width)
     shapes = np.column_stack([np.ones(turned.size), turned.real, turned.imag])
     means = (sums[1:, known] / count[known]).T
-    level, along, across = np.linalg.lstsq(shapes, means)[0]
+    level, along, across = np.linalg.lstsq(shapes, means, _KNOWN)[0]
     level[1] = level[0]
     waves = dict(zip("ntl", (along + 1j * across) / level, strict=False))
     return {"c": 2.0 * wave / count.sum(), **waves, "t": 1j * waves["t"]}
