@@ -54,7 +54,7 @@ class Bulk(NamedTuple):
         In a cell ∫ √((ε_xx − ε_yy)² + (2ε_xy)²) dt, in a layer that of the slope of displacements,
         if the same grains are there in both frames; elsewhere there is no one strain.
         """
-        frames, times = list(frames_of(source, chosen)), np.asarray(source.frames.time)[chosen]
+        frames, times = frames_of(source, chosen), np.asarray(source.frames.time)[chosen]
         if source.model.is_cell:
             rate = np.array([shear_rate_of(frame) for frame in frames])
             return np.asarray(0.5 * (rate[1:] + rate[:-1]) * np.diff(times))

@@ -109,5 +109,4 @@ def chain_map(source: Run, frame: int = -1, *, angle: float = ANGLE) -> ChainMap
     ]  # fmt: skip
     rows = [(column.heading, found.mean[column.name]) for column in found.quantities]
     facts = {"frame": index, "time": network.time, "angle": angle, **found.mean}
-    columns = [*values_of_quantities(rows)]
-    return ChainMap(columns, facts, details, network=network, link=own.link)
+    return ChainMap(values_of_quantities(rows), facts, details, network=network, link=own.link)

@@ -83,7 +83,7 @@ def clusters(source: Run, selection: Selection | None = None) -> Clusters:
         slides = between & np.asarray(frame.contacts.sliding, np.bool_)[contacts.row]
         i, j = contacts.i[slides], contacts.j[slides]
         size = np.bincount(components(i, j, contacts.grain_count)[i]) if i.size else np.zeros(0)
-        rows.append((*_measure(size[size > 0], contacts.grain_count, int(between.sum())),))
+        rows.append(_measure(size[size > 0], contacts.grain_count, int(between.sum())))
     values = np.array(rows).T
     quantities = [q.over_time(own) for q, own in zip(QUANTITIES, values, strict=True)]
     times = np.asarray(source.frames.time, np.float64)[chosen]

@@ -151,8 +151,8 @@ class AngularDistribution(Table):
 
     A contact counts in both directions, as seen from either grain. The moments are those of E(θ) =
     (1 + a_c cos 2(θ − θ_c))/2π, ⟨f_n⟩(θ) = f₀ (1 + a_n cos 2(θ − θ_n)) and ⟨f_t⟩(θ) = −f₀ a_t sin
-    2(θ − θ_t): Fourier coefficients, a_c from single contacts, the others from bins that count
-    alike; f₀ is the mean over the bins.
+    2(θ − θ_t): Fourier coefficients, a_c from single contacts, the others fitted to bins that
+    count alike, but for empty ones; f₀ is their mean over directions.
 
     Attributes:
         angle: Centers of the bins, counter-clockwise from x [rad], shape ``(b,)``.
@@ -329,7 +329,8 @@ def waves_of(sums: Floats, wave: complex) -> dict[str, complex]:
 
     ``c`` of contacts, from single ones; ``n`` and ``t`` of their normal and tangential forces, and
     ``l`` of their lengths if they have them, fitted to bins that count alike, unless empty: Fourier
-    coefficients if none is, and of directions within some 50° the fit of least norm. See `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)).
+    coefficients if none is, and of directions within some 50° the fit of least norm. See
+    `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)).
     """
     count, half = sums[0], sums.shape[1]
     known, width = count > 0.0, np.pi / half
