@@ -32,7 +32,7 @@ LIBRARIES = {
     "distributed": Library("distributed", "study", "clusters"),
     "dask_jobqueue": Library("dask-jobqueue", "study", "jobs on a cluster"),
     "cryptography": Library("cryptography", "study", "jobs on a cluster"),
-    "scipy": Library("scipy", "plots", "drawn points, fits, conductivities and survival"),
+    "scipy": Library("scipy", "plots", "drawn points, fits, networks and survival"),
     "pandas": Library("pandas", "study", "DataFrames"),
     "pyarrow": Library("pyarrow", "study", "Parquet files"),
 }

@@ -19,6 +19,7 @@ from multicor_cli.cli.post_output import (
     Bins,
     End,
     Frames,
+    Margin,
     OneFrame,
     Shown,
     Start,
@@ -26,7 +27,9 @@ from multicor_cli.cli.post_output import (
     selected,
     shows_table,
 )
-from multicor_cli.text import count_noun, unit_sign
+from multicor_cli.cli.post_output import span_of as _span
+from multicor_cli.cli.texture_commands import chains, clusters, fabric, lifetimes
+from multicor_cli.text import count_noun, unit_sign, with_error
 
 if TYPE_CHECKING:
     from multicor_cli.model.shapes import Area
@@ -125,10 +128,6 @@ def profile(
     return Shown(found, lines, directory, is_detailed=False)
 
 
-def _span(count: int, noun: str, times: Any) -> str:
-    return f"{count_noun(count, noun)} from t = {times[0]:g} s to {times[-1]:g} s"
-
-
 def theta_eta(
     context: typer.Context,
     directory: RunPath,
@@ -214,15 +213,9 @@ def parse_ends(text: str, option: str) -> tuple[float, float]:
 _DISTRIBUTION = "Show how many contacts carry which force instead."
 Distribution = Annotated[bool, option("--distribution", _DISTRIBUTION)]
 Angles = Annotated[bool, option("--angles", "Show contacts and forces by direction instead.")]
-Margin = Annotated[
-    float | None,
-    option(
-        "--margin D",
-        "Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
-        "8, or a quarter of the height or a third of the gap between the walls if less",
-    ),
-]
-_MANY = "With --distribution or --angles: the frames to average over."
+_MOBILIZATION = "Show how far contacts mobilize their friction instead."
+HasMobilization = Annotated[bool, option("--mobilization", _MOBILIZATION)]
+_MANY = "With --distribution, --angles or --mobilization: the frames to average over."
 ManyFrames = Annotated[str | None, option("--frames A:B[:STEP]", _MANY, False)]
 _UNIT = "Force (in N) of a line 0.15 mean diameters wide: the same for several pictures."
 UnitForce = Annotated[float | None, option("--scale F", _UNIT, "the mean normal force")]
@@ -233,6 +226,7 @@ def forces(
     frame: OneFrame = -1,
     has_distribution: Distribution = False,
     has_angles: Angles = False,
+    has_mobilization: HasMobilization = False,
     frames: ManyFrames = None,
     unit: UnitForce = None,
 ) -> Shown:
@@ -241,20 +235,23 @@ def forces(
 
     Forces are means of the step before the frame. With --distribution: the probability density of
     forces between grains over their mean. With --angles: the directions of contacts between grains,
-    the mean forces along them, and their anisotropies.
+    the mean forces along them, and their anisotropies. With --mobilization: tangential forces
+    between grains over the largest that friction allows.
     """
-    if has_distribution and has_angles:
-        raise typer.BadParameter("--distribution and --angles exclude each other")
-    if unit is not None and (has_distribution or has_angles or not 0.0 < unit < math.inf):
+    if has_distribution + has_angles + has_mobilization > 1:
+        raise typer.BadParameter("--distribution, --angles and --mobilization exclude each other")
+    is_network = not (has_distribution or has_angles or has_mobilization)
+    if unit is not None and not (is_network and 0.0 < unit < math.inf):
         raise typer.BadParameter(
             "--scale is the positive force of a line in the figure of the network"
         )
     from multicor_cli import post
 
-    if not (has_distribution or has_angles):
+    if is_network:
         if frames is not None:
             raise typer.BadParameter(
-                "--frames needs --distribution or --angles; choose one frame with --frame"
+                "--frames needs --distribution, --angles or --mobilization; choose one frame with "
+                "--frame"
             )
         with store.open_run(directory) as run:
             network = post.force_network(run, frame)
@@ -264,11 +261,14 @@ def forces(
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
         selection = post.Selection(frames=slice(index, index + 1) if wanted is None else wanted)
-        table: Any = (post.force_distribution if has_distribution else post.angular_distribution)(
-            run, selection
-        )
+        measure: Any = post.force_distribution if has_distribution else post.angular_distribution
+        table = (post.mobilization if has_mobilization else measure)(run, selection)
     span = _span(table.frames.size, "frame", table.times)
     about = f"{table.contacts} contacts between grains in {span}"
+    if has_mobilization:
+        mean = with_error(table.mean, table.mean_error)
+        slides = with_error(table.sliding, table.sliding_error)
+        about += f"; mean mobilization {mean}, share of sliding contacts {slides}"
     if has_angles:
         moments = {name: f"{name} = {value:.4g}" for name, value in table.moments.items()}
         if table.frames.size > 1:
@@ -841,6 +841,10 @@ COMMANDS = {
     "map": shows_table(map_grains),
     "forces": shows_table(forces),
     "rheology": shows_table(rheology),
+    "fabric": shows_table(fabric),
+    "lifetimes": shows_table(lifetimes),
+    "chains": shows_table(chains),
+    "clusters": shows_table(clusters),
     "conductivity": shows_table(conductivity),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),

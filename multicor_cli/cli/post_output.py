@@ -15,7 +15,7 @@ import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
 from multicor_cli.cli.options import option
-from multicor_cli.text import with_unit_signs
+from multicor_cli.text import count_noun, with_unit_signs
 
 if TYPE_CHECKING:
     from multicor_cli.post import Selection, Table
@@ -33,6 +33,14 @@ Bins = Annotated[int | None, option("--bins", "Number of bins.", "one per mean d
 _WALLS = "Names of the walls below and above."
 Between = Annotated[
     tuple[str, str] | None, option("--between LOWER UPPER", _WALLS, "those that bound the grains")
+]
+Margin = Annotated[
+    float | None,
+    option(
+        "--margin D",
+        "Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
+        "8, or a quarter of the height or a third of the gap between the walls if less",
+    ),
 ]
 AsJson = Annotated[bool, option("--json", "Print the data as JSON.")]
 AsCsv = Annotated[bool, option("--csv", "Print the data as CSV.")]
@@ -71,6 +79,11 @@ def parse_frames(
 # ---- How the tables of the commands `post …` leave the program: as text, JSON, CSV or a figure
 
 _TERMINAL = Path("term")  # the name of a figure that means the terminal
+
+
+def span_of(count: int, noun: str, times: Any) -> str:
+    """How many frames or the like a table is about, and from when to when [s]."""
+    return f"{count_noun(count, noun)} from t = {times[0]:g} s to {times[-1]:g} s"
 
 
 class Shown(NamedTuple):

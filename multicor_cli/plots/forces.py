@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,17 +24,22 @@ from multicor_cli.plots.style import (
     TextLine,
     draw_picture,
     draw_text,
+    legend_above,
     name_frame,
     show_decades,
 )
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
+from multicor_cli.post.mobilization import Mobilization
+from multicor_cli.text import with_error
 
 # ---- Force network: a line for every contact, its width proportional to the normal force
 
 _POINTS = 72.0  # points per inch
 _WIDTH = 0.15  # width of the line of a mean force over the mean diameter
 _SHOWN = (1.0, 3.0)  # forces over the mean whose lines the legend shows
-_LEGEND = 0.62  # room for the legend [inch]
+LEGEND = 0.62
+"""Room for the legend of a network [inch]."""
+
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
@@ -42,18 +48,24 @@ def draw_forces(axes: Any, network: ForceNetwork, *, unit: float | None = None) 
 
     The line of the mean normal force, or of the force ``unit`` [N], is 0.15 mean diameters wide.
     """
+    name_frame(axes, network.time, network.frame)
+    if draw_network(axes, network, unit).size:
+        explain_network(axes, network, {"sticking": COLORS[0], "sliding": COLORS[1]}, unit)
+
+
+def explain_network(
+    axes: Any, network: ForceNetwork, names: Mapping[str, str], unit: float | None = None
+) -> None:
+    """A legend above the figure: colors by what they mean, and widths of lines."""
     from matplotlib.lines import Line2D
 
-    name_frame(axes, network.time, network.frame)
-    if not draw_network(axes, network, unit).size:
-        return
     unit, width = _unit_of(network, unit), _unit_width(axes, network)
-    handles = [Line2D([], [], color=COLORS[k], linewidth=2.0) for k in (0, 1)]
+    handles = [Line2D([], [], color=color, linewidth=2.0) for color in names.values()]
     handles += [
         Line2D([], [], color="0.2", linewidth=times * width, solid_capstyle="butt")
         for times in _SHOWN
     ]
-    labels = ["sticking", "sliding", *(f"{times * unit:.2g} N" for times in _SHOWN)]
+    labels = [*names, *(f"{times * unit:.2g} N" for times in _SHOWN)]
     title = f"width: normal force, mean {_mean_size(network):.3g} N"
     axes.figure.legend(
         handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0,
@@ -61,8 +73,13 @@ def draw_forces(axes: Any, network: ForceNetwork, *, unit: float | None = None) 
     )  # fmt: skip
 
 
-def draw_network(axes: Any, network: ForceNetwork, unit: float | None = None) -> Floats:
-    """Draw grains, walls and contacts; returns the widths of the lines of the contacts [points]."""
+def draw_network(
+    axes: Any, network: ForceNetwork, unit: float | None = None, colors: Any = None
+) -> Floats:
+    """Draw grains, walls and contacts; returns the widths of the lines of the contacts [points].
+
+    ``colors`` are those of the contacts; default: by whether they slide.
+    """
     from matplotlib.collections import LineCollection
 
     draw_discs(axes, network.scene, color="0.93", edgecolors="0.55", linewidths=0.3, zorder=1)
@@ -71,7 +88,7 @@ def draw_network(axes: Any, network: ForceNetwork, unit: float | None = None) ->
         return np.zeros(0)
     lines, which = segments(network)
     width = line_widths(axes, network, unit)
-    color = np.where(network.sliding, COLORS[1], COLORS[0])
+    color = np.where(network.sliding, COLORS[1], COLORS[0]) if colors is None else colors
     look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
     drawn = LineCollection(list(lines), capstyle="round", **look)
     axes.add_collection(drawn)
@@ -148,15 +165,50 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
 
 
 def draw_angles(figure: Any, table: AngularDistribution) -> None:
-    """Draw both polar histograms, with the second harmonics that the anisotropies mean."""
-    contacts, forces = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
+    """Draw both polar histograms, and the tangential force below, with the second harmonics that
+    the anisotropies mean.
+    """
+    grid = figure.add_gridspec(2, 2, height_ratios=(2.2, 1.0))
+    contacts, forces = (figure.add_subplot(grid[0, k], projection="polar") for k in (0, 1))
     title = "contact directions $E(\\theta)$ [1/rad]"
     _draw_polar(contacts, table, "c", table.density, 0.5 / np.pi, COLORS[0], title)
     title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]"
     mean = float(np.nanmean(table.normal))
     _draw_polar(forces, table, "n", table.normal, mean, COLORS[1], title)
-    text = r"$1 + a \cos 2(\theta - \theta_a)$ times the mean, with the $a$ and $\theta_a$ above"
-    figure.legend([forces.lines[-1]], [text], loc="outside lower center")
+    scatter = _draw_tangential(figure.add_subplot(grid[1, :]), table, mean)
+    text = r"$1 + a \cos 2(\theta - \theta_a)$, below $-a_t \sin 2(\theta - \theta_t)$"
+    text += ", times the mean, with the $a$ and $\\theta_a$ above"
+    names = {text: forces.lines[-1]} | ({"scatter of frames": scatter} if scatter else {})
+    figure.legend([*names.values()], [*names], loc="outside lower center", ncols=2)
+
+
+def _draw_tangential(axes: Any, table: AngularDistribution, level: float) -> Any:
+    """The tangential force over half a circle, as the other half repeats it; returns what shows its
+    scatter, or None.
+    """
+    half, color = table.angle.size // 2, COLORS[2]
+    degrees, value = np.degrees(table.angle[:half]), table.tangential[:half]
+    axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
+    axes.bar(
+        degrees, np.nan_to_num(value), width=180.0 / half, color=color, alpha=0.4, linewidth=0.0
+    )
+    bars: dict[str, Any] = {"ecolor": color, "elinewidth": 0.7, "capsize": 1.2}
+    around = table.tangential_scatter[:half]
+    is_known = bool(np.isfinite(around).any())
+    scatter = axes.errorbar(degrees, value, yerr=around, fmt="none", **bars) if is_known else None
+    theta = np.linspace(0.0, 180.0, 181)
+    a, main = table.moments["a_t"], table.moments["theta_t"]
+    wave = -level * a * np.sin(2.0 * np.radians(theta - main))
+    axes.plot(theta, wave, color="0.15", linewidth=0.8)
+    axes.set_title(
+        "tangential force on the grain that the normal points to, positive along the normal turned "
+        "by +90°\n"
+        + _moment("t", table), fontsize=8.0,
+    )  # fmt: skip
+    axes.set(xlim=(0.0, 180.0), xticks=np.arange(0.0, 181.0, 30.0))
+    axes.set_xlabel(r"direction of the normal $\theta$ [°]")
+    axes.set_ylabel(r"$\langle f_t \rangle(\theta)/\langle f_n \rangle$ [–]")
+    return scatter
 
 
 def _moment(name: str, table: AngularDistribution) -> str:
@@ -209,16 +261,40 @@ def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
     """Contact directions and the forces along them, over what they would be if all were alike."""
     degrees = np.degrees(table.angle)
     density = TextLine("density of contacts", degrees, 2.0 * np.pi * table.density)
-    return draw_text(
-        [density, TextLine("normal force", degrees, table.normal)], "direction [°]", "over mean [–]"
-    )
+    normal = TextLine("normal force", degrees, table.normal)
+    tangential = TextLine("tangential force, over mean normal", degrees, table.tangential)
+    return draw_text([density, normal, tangential], "direction [°]", "over mean [–]")
+
+
+def draw_mobilization(axes: Any, table: Mobilization) -> None:
+    """Draw the distribution of mobilized friction into matplotlib axes."""
+    width = table.edges[1] - table.edges[0]
+    axes.bar(table.center, table.density, width=width, color=COLORS[0], alpha=0.4, linewidth=0.0)
+    around = table.density_scatter
+    if np.isfinite(around).any():
+        bars: dict[str, Any] = {"ecolor": COLORS[0], "elinewidth": 0.7, "capsize": 1.2}
+        axes.errorbar(
+            table.center, table.density, yerr=around, fmt="none", label="scatter of frames", **bars
+        )
+    label = f"mean, {with_error(table.mean, table.mean_error)}"
+    axes.axvline(table.mean, color="0.15", linewidth=0.8, linestyle="--", label=label)
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, None))
+    axes.set_xlabel(r"mobilization of friction $|f_t|/(\mu f_n)$ [–]")
+    axes.set_ylabel("probability density [–]")
+    legend_above(axes, 2)
+
+
+def mobilization_text(table: Mobilization, _terminal: Terminal) -> str:
+    """The distribution of mobilized friction as a chart of letters."""
+    line = TextLine("", table.center, table.density)
+    return draw_text([line], "mobilization [–]", "probability density [–]")
 
 
 FIGURES = {
     ForceNetwork: Renderer(
         lambda _: (COLUMN, COLUMN),
         lambda figure, network, **options: draw_forces(
-            place_scene(figure, network.scene, has_bar=False, top=_LEGEND + TITLE).axes,
+            place_scene(figure, network.scene, has_bar=False, top=LEGEND + TITLE).axes,
             network,
             **options,
         ),
@@ -229,5 +305,10 @@ FIGURES = {
         lambda figure, table: draw_distribution(figure.add_subplot(), table),
         distribution_text,
     ),
-    AngularDistribution: Renderer(lambda _: (PAGE, 0.58 * PAGE), draw_angles, angles_text),
+    AngularDistribution: Renderer(lambda _: (PAGE, 0.88 * PAGE), draw_angles, angles_text),
+    Mobilization: Renderer(
+        lambda _: (COLUMN, 0.8 * COLUMN),
+        lambda figure, table: draw_mobilization(figure.add_subplot(), table),
+        mobilization_text,
+    ),
 }

@@ -145,13 +145,13 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
 
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:
     """The columns as charts of letters, one below the other."""
-    return _charts(
+    return draw_charts(
         (f"{column.name} [{unit_sign(column.unit)}]", [TextLine("", table.time, column.values)])
         for column in table.quantities
     )
 
 
-def _charts(charts: Iterable[tuple[str, list[TextLine]]]) -> str:
+def draw_charts(charts: Iterable[tuple[str, list[TextLine]]]) -> str:
     """Low charts of letters over time below each other: labels, and the lines in each."""
     drawn = [draw_text(lines, "time [s]", label, rows=_LOW) for label, lines in charts]
     return "\n\n".join(drawn)
@@ -231,15 +231,15 @@ _CHARTS_OF_CELL = (
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
-    _draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_RHEOLOGY)
+    draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_RHEOLOGY)
 
 
 def draw_cell(figure: Any, table: CellRheology) -> None:
     """Draw the panels of the rheology of a cell into a matplotlib figure."""
-    _draw_panels(figure, figure.subplots(5, 2, sharex=True), table, _OF_CELL)
+    draw_panels(figure, figure.subplots(5, 2, sharex=True), table, _OF_CELL)
 
 
-def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> None:
+def draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> None:
     """Draw quantities over time with means and errors; say below what lines and bands are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -289,7 +289,7 @@ def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: st
 def rheology_text(table: Rheology | CellRheology, _terminal: Terminal) -> str:
     """A rheology over time, one low chart for each kind of quantity."""
     charts = _CHARTS_OF_CELL if isinstance(table, CellRheology) else _CHARTS_OF_RHEOLOGY
-    return _charts(
+    return draw_charts(
         (label, [TextLine(text, table.time, table.values[name]) for name, text in lines])
         for label, lines in charts
     )
@@ -313,7 +313,7 @@ def draw_region(figure: Any, table: RegionTable) -> None:
     """Draw the panels into a matplotlib figure."""
     grid, values = figure.subplots(2, 3, sharex=True), table.values.get("temperature")
     panels = _OF_REGION if values is not None else (*_OF_REGION[:-1], _SPIN)
-    _draw_panels(figure, grid, table, panels)
+    draw_panels(figure, grid, table, panels)
     if values is not None and count_small_rises(grid[-1, -1].yaxis, "temp.", "T", "K", values):
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         grid[-1, -1].set_ylim(low - 0.12 * (high - low), high + 0.12 * (high - low))
@@ -325,7 +325,7 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
         ("solid fraction nu [–]", ("solid_fraction",)),
         ("contact stress [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
     )
-    return _charts(
+    return draw_charts(
         (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
         for label, names in charts
         if any(np.isfinite(table.values[name]).any() for name in names)
@@ -351,7 +351,7 @@ _OF_CONDUCTIVITY: Panels = (
 
 def draw_conductivity(figure: Any, table: Conductivity) -> None:
     """Draw the panels into a matplotlib figure."""
-    _draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_CONDUCTIVITY)
+    draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_CONDUCTIVITY)
 
 
 def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
@@ -361,7 +361,7 @@ def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
         ("K/H [–]", ("over_contact",)),
         (_CONTACTS, ("coordination",)),
     )
-    return _charts(
+    return draw_charts(
         (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
         for label, names in charts
     )
@@ -388,13 +388,13 @@ _OF_FLUX: Panels = (
 
 def draw_mean_heat(figure: Any, table: MeanHeat) -> None:
     """Draw the panels into a matplotlib figure."""
-    _draw_panels(figure, figure.subplots(2, 2, sharex=True), table, _OF_FLUX)
+    draw_panels(figure, figure.subplots(2, 2, sharex=True), table, _OF_FLUX)
 
 
 def mean_heat_text(table: MeanHeat, _terminal: Terminal) -> str:
     """Conductance and its share of motion over time, in low charts."""
     charts = (("along G, of a square [W/K]", "along"), ("share of motion [–]", "share_motion"))
-    return _charts(
+    return draw_charts(
         (label, [TextLine("", table.time, table.values[name])]) for label, name in charts
     )
 

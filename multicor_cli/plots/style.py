@@ -434,6 +434,8 @@ _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
     **dict.fromkeys(("avalanches", "residence"), "events"),
+    **dict.fromkeys(("fabric", "chains", "chain_lengths", "clusters", "lifetimes"), "texture"),
+    "mobilization": "forces",
     "structure_factor": "structure",
 }
 """Modules that draw tables of several others."""

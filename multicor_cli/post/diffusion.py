@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, find_extent
 from multicor_cli.post.flow import fit_flow
-from multicor_cli.post.lattice import gradient_of
+from multicor_cli.post.lattice import shear_rate_of
 from multicor_cli.post.mean_heat import intervals_to_forget
 from multicor_cli.post.rheology import Band, find_band, strain_and_spin
 from multicor_cli.post.rheology_sums import average_ratios
@@ -141,8 +141,7 @@ def _in_cell(source: Run, chosen: NDArray[np.int64], times: Floats) -> _Ways:
     way, rates = [], []
     for frame in frames_of(source, chosen):
         way.append(np.asarray(frame.nonaffine, np.float64))
-        xx, yy, xy = gradient_of(frame)
-        rates.append(np.hypot(xx - yy, xy))
+        rates.append(shear_rate_of(frame))
     strain = 0.5 * (np.array(rates[1:]) + np.array(rates[:-1])) * np.diff(times)
     ways = np.array(way) - way[0]
     return _Ways(ways, np.ones(ways.shape[:2], np.bool_), strain)

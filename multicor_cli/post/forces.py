@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -119,6 +119,10 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
 MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
 """Names of the moments of an `AngularDistribution`."""
 
+BINS = 36
+"""Bins of directions over the full circle, unless told otherwise."""
+
+_KNOWN = 0.05  # singular value over the largest: directions within some 50° say nothing of others
 _NOTHING = "no two grains press on each other in these frames"
 _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 
@@ -148,8 +152,8 @@ class AngularDistribution(Table):
 
     A contact counts in both directions, as seen from either grain. The moments are those of E(θ) =
     (1 + a_c cos 2(θ − θ_c))/2π, ⟨f_n⟩(θ) = f₀ (1 + a_n cos 2(θ − θ_n)) and ⟨f_t⟩(θ) = −f₀ a_t sin
-    2(θ − θ_t): Fourier coefficients, a_c from single contacts, the others from bins that count
-    alike; f₀ is the mean over the bins.
+    2(θ − θ_t): Fourier coefficients, a_c from single contacts, the others fitted to bins that
+    count alike, but for empty ones; f₀ is their mean over directions.
 
     Attributes:
         angle: Centers of the bins, counter-clockwise from x [rad], shape ``(b,)``.
@@ -157,8 +161,8 @@ class AngularDistribution(Table):
         normal: Mean normal force in each bin over that of all; nan without contacts, ``(b,)``.
         tangential: Mean tangential force over the mean normal force, shape ``(b,)``.
         moments: Anisotropies ``a_c, a_n, a_t`` and directions ``theta_c, theta_n, theta_t`` [°].
-        moments_scatter, density_scatter, normal_scatter: Standard deviations from frame to frame;
-            nan with one frame.
+        moments_scatter, density_scatter, normal_scatter, tangential_scatter: Standard deviations
+            from frame to frame; nan with one frame.
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
@@ -232,7 +236,7 @@ def force_distribution(
 
 
 def angular_distribution(
-    source: Run, selection: Selection | None = None, bins: int = 36
+    source: Run, selection: Selection | None = None, bins: int = BINS
 ) -> AngularDistribution:
     """Distribution of contact directions and of the forces over them.
 
@@ -250,26 +254,21 @@ def angular_distribution(
     chosen, contacts = _between_grains(source, selection)
     half = bins // 2
     sums, wave = np.zeros((3, half)), 0j
-    center = (np.arange(half) + 0.5) * np.pi / half
     rows: list[Floats] = []
     single: list[dict[str, float]] = []
     for loaded in contacts:
         normal, force = loaded.normal[~loaded.is_wall], loaded.force[~loaded.is_wall]
-        # Opposite directions belong to one contact, whose forces are the same from either side.
-        place = np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half
-        bin_ = np.minimum(place.astype(np.int64), half - 1)
-        carried = (np.ones(bin_.size), *force.T)
-        own = np.array([np.bincount(bin_, weights, minlength=half) for weights in carried])
-        turned = complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())  # e^{2iθ}
+        own, turned = sum_directions(normal, [*force.T], half)
         sums, wave = sums + own, wave + turned
-        rows.append(np.array(_directions(own)[:2]))
-        single.append(_moments_of(own, turned, center))
+        rows.append(np.array(_directions(own)))
+        single.append(_moments_of(own, turned))
     count = int(sums[0].sum())
     if not count:
         raise PostError(_NOTHING)
     density, mean, shear = (np.tile(values, 2) for values in _directions(sums))
-    density_scatter, normal_scatter = (np.tile(values, 2) for values in scatter(np.array(rows)))
-    moments, angle = _moments_of(sums, wave, center), np.concatenate([center, center + np.pi])
+    scatters = [np.tile(values, 2) for values in scatter(np.array(rows))]
+    center = (np.arange(bins) + 0.5) * np.pi / half
+    moments, angle = _moments_of(sums, wave), center
     moments_scatter = {}
     for name, middle in moments.items():
         away = np.array([one[name] for one in single]) - middle
@@ -286,10 +285,11 @@ def angular_distribution(
     columns = [
         Column("degrees", "deg", np.degrees(angle), "direction", ""),
         Column("density", "1/rad", density, "density of contacts"),
-        Column("density_scatter", "1/rad", density_scatter, "scatter of density"),
+        Column("density_scatter", "1/rad", scatters[0], "scatter of density"),
         Column("normal", "1", mean, "normal force over mean"),
-        Column("normal_scatter", "1", normal_scatter, "scatter of normal force"),
-        Column("tangential", "1", shear, "tangential force over mean normal"),
+        Column("normal_scatter", "1", scatters[1], "scatter of normal"),
+        Column("tangential", "1", shear, "tangential over mean normal"),
+        Column("tangential_scatter", "1", scatters[2], "scatter of tangential"),
     ]
     return AngularDistribution(columns, facts, frames=chosen, moments=moments)
 
@@ -303,21 +303,52 @@ def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
         return density, f / count / overall, g / count / overall
 
 
-def _moments_of(sums: Floats, wave: complex, angle: Floats) -> dict[str, float]:
-    """Anisotropies and directions; those of forces from bins that count alike, unless empty."""
-    count, f, g = sums
-    with np.errstate(invalid="ignore"):
-        normal, tangential = f / count, g / count
-    known = np.isfinite(normal)
-    width = np.pi / angle.size
+def sum_directions(
+    normal: Floats, carried: Sequence[Floats], half: int = BINS // 2
+) -> tuple[Floats, complex]:
+    """Sums over contacts by direction, of which `waves_of` makes anisotropies.
+
+    Opposite directions belong to one contact, and what it carries is the same from either side.
+
+    Args:
+        normal: Unit normals, shape ``(c, 2)``.
+        carried: What contacts carry, k arrays of shape ``(c,)``.
+        half: Number of bins over half a circle.
+
+    Returns:
+        Number of contacts in each bin and sums of what they carry, shape ``(1 + k, half)``; and the
+        sum of e^{2iθ} over all contacts.
+    """
+    place = np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half
+    bin_ = np.minimum(place.astype(np.int64), half - 1)
+    sums = [np.bincount(bin_, weights, minlength=half) for weights in (None, *carried)]
+    return np.array(sums, np.float64), complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())
+
+
+def waves_of(sums: Floats, wave: complex) -> dict[str, complex]:
+    """Anisotropies with their directions, a e^{2iθ}, of what `sum_directions` gives.
+
+    ``c`` of contacts, from single ones; ``n`` and ``t`` of their normal and tangential forces, and
+    ``l`` of their lengths if they have them, fitted to bins that count alike, unless empty: Fourier
+    coefficients if none is, and of directions within some 50° the fit of least norm. See
+    `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)).
+    """
+    count, half = sums[0], sums.shape[1]
+    known, width = count > 0.0, np.pi / half
+    twice = 2.0 * (np.flatnonzero(known) + 0.5) * width
     # a bin averages e^{2iθ} over its width w: sin(w)/w
-    turned = np.exp(2j * angle[known]) * (width / np.sin(width))
-    level = normal[known].mean()
-    waves = {
-        "c": 2.0 * wave / count.sum(),
-        "n": 2.0 * (normal[known] * turned).mean() / level,
-        "t": 2.0j * (tangential[known] * turned).mean() / level,
-    }
+    turned = np.exp(1j * twice) * (np.sin(width) / width)
+    shapes = np.column_stack([np.ones(turned.size), turned.real, turned.imag])
+    means = (sums[1:, known] / count[known]).T
+    level, along, across = np.linalg.lstsq(shapes, means, _KNOWN)[0]
+    level[1] = level[0]
+    waves = dict(zip("ntl", (along + 1j * across) / level, strict=False))
+    return {"c": 2.0 * wave / count.sum(), **waves, "t": 1j * waves["t"]}
+
+
+def _moments_of(sums: Floats, wave: complex) -> dict[str, float]:
+    """Anisotropies, and their directions in degrees."""
+    waves = waves_of(sums, wave)
     moments = {f"a_{name}": float(abs(value)) for name, value in waves.items()}
     return moments | {
         f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0)

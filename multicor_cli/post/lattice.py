@@ -106,6 +106,12 @@ def gradient_of(frame: Frame) -> Floats:
     return np.asarray(frame.wall_velocity[0], np.float64)
 
 
+def shear_rate_of(frame: Frame) -> float:
+    """√((ε_xx − ε_yy)² + (2ε_xy)²) of the mean flow of the frame of a cell [1/s]."""
+    xx, yy, xy = gradient_of(frame)
+    return float(np.hypot(xx - yy, xy))
+
+
 def relative_velocity(frame: Frame) -> Floats:
     """Velocities of the grains of a cell relative to its mean flow [m/s], shape ``(n, 2)``."""
     velocity = np.asarray(frame.velocity, np.float64)[:, :2]

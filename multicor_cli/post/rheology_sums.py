@@ -114,6 +114,13 @@ def average_ratios(
         sums: A row for each interval between two of the ``times`` [s].
         times: Times of the frames.
     """
+    return average_rows(derive, sums, 0.5 * (times[1:] + times[:-1]))
+
+
+def average_rows(
+    derive: Callable[[Floats], dict[str, Floats]], sums: Floats, times: Floats
+) -> Averages:
+    """As `average_ratios`, of rows that each have a time [s]."""
 
     def known(rows: Floats) -> dict[str, Floats]:
         # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
@@ -123,12 +130,12 @@ def average_ratios(
     whole = sums.sum(axis=0)
     mean = {name: float(value[0]) for name, value in known(whole[np.newaxis]).items()}
     without = known(whole - sums)
-    if (angle := mean.get("fabric_direction")) is not None:  # directions repeat every 180°
-        turned = (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
-        without["fabric_direction"] = angle + turned
-    middle = 0.5 * (times[1:] + times[:-1])
+    for name in mean:
+        if name.endswith("direction"):  # these repeat every 180°
+            turned = (without[name] - mean[name] + 90.0) % 180.0 - 90.0
+            without[name] = mean[name] + turned
     spreads = {
-        name: spread(pseudo_values(np.asarray(mean[name]), rows), middle)
+        name: spread(pseudo_values(np.asarray(mean[name]), rows), times)
         for name, rows in without.items()
     }
     return Averages(known(sums), mean, spreads)

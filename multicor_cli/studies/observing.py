@@ -17,11 +17,18 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.avalanches import EVENTS, avalanches
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
+from multicor_cli.post.chains import QUANTITIES as OF_CHAINS
+from multicor_cli.post.chains import chains
+from multicor_cli.post.clusters import QUANTITIES as OF_CLUSTERS
+from multicor_cli.post.clusters import clusters
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
 from multicor_cli.post.diffusion import diffusion
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
+from multicor_cli.post.fabric import QUANTITIES as OF_FABRIC
+from multicor_cli.post.fabric import fabric
 from multicor_cli.post.grain_map import grain_map
+from multicor_cli.post.lifetimes import LIFETIMES, lifetimes
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES, mean_heat
 from multicor_cli.post.mixing import MIXING, mixing
 from multicor_cli.post.profile import profile
@@ -34,6 +41,7 @@ from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
 from multicor_cli.post.structure import pair_correlation
 from multicor_cli.post.sums import Sums, average
+from multicor_cli.post.table import TimeTable
 from multicor_cli.post.theta_eta import theta_eta
 from multicor_cli.scenario.problems import KeyPath, Refused
 from multicor_cli.scenario.scenario import Scenario
@@ -105,6 +113,21 @@ def _diffusion(run: Run, row: Observable, selection: Selection) -> Number:
     axis = "xy".index(str(row.value)[-1])
     found = diffusion(run, selection)
     return Number(found.diffusion[axis], found.diffusion_error[axis])
+
+
+def _over_time(
+    measure: Callable[[Run, Selection], TimeTable],
+) -> Callable[[Run, Observable, Selection], Number]:
+    def take(run: Run, row: Observable, selection: Selection) -> Number:
+        found, name = measure(run, selection), str(row.value)
+        return Number(found.mean[name], found.error[name])
+
+    return take
+
+
+def _lifetimes(run: Run, row: Observable, selection: Selection) -> Number:
+    found, name = lifetimes(run, selection), str(row.value)
+    return Number(getattr(found, name), getattr(found, f"{name}_error"))
 
 
 def _structure(run: Run, row: Observable, selection: Selection) -> Number:
@@ -203,6 +226,10 @@ SOURCES: dict[str, Source] = {
         tuple(dict.fromkeys(row.name for row in (*OF_RHEOLOGY, *CELL_QUANTITIES))), _rheology,
         needs_shear=True,
     ),
+    "fabric": Source(tuple(q.name for q in OF_FABRIC), _over_time(fabric)),
+    "lifetimes": Source(LIFETIMES, _lifetimes),
+    "chains": Source(tuple(q.name for q in OF_CHAINS), _over_time(chains)),
+    "clusters": Source(tuple(q.name for q in OF_CLUSTERS), _over_time(clusters)),
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
     "structure": Source(("first_peak", "first_peak_distance"), _structure),

@@ -164,8 +164,9 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology", "conductivity", "diffusion", "structure", "mixing", "residence",
-            "avalanches", "region", "profile", "theta-eta", "map", "forces", "energy"
+            "rheology", "fabric", "lifetimes", "chains", "clusters", "conductivity", "diffusion",
+            "structure", "mixing", "residence", "avalanches", "region", "profile", "theta-eta",
+            "map", "forces", "energy"
         ]
         | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip

@@ -187,6 +187,52 @@ def rheology(of, run, table):
         assert abs(mean["friction_walls"]) <= FRICTION * (1.0 + 1e-6)
 
 
+def fabric(of, run, table):
+    """Numbers of contacts: of the bulk of a layer, elsewhere of all."""
+    mean, every = table["mean"], [frame.contacts for frame in chosen(run)]
+    numbers = [int(((c.j < COUNT) & (c.impulse[:, 0] != 0.0)).sum()) for c in every]
+    if not (of.is_periodic and all(of.bounds)):
+        assert table["values"]["contacts"] == numbers
+    assert all(a <= b for a, b in zip(table["values"]["contacts"], numbers, strict=True))
+    assert 0.0 < mean["mobilization"] <= 1.0
+    assert 0.0 < mean["strong_share"] < 1.0
+    assert mean["difference"] == near(mean["stress_ratio"] - mean["stress_fabric"], 1e-6)
+
+
+def lifetimes(of, run, table):
+    for name in ("contacts", "strong", "sliding", "again"):
+        values = [value for value in table[name] if value is not None]
+        assert all(0.0 <= value <= 1.0 for value in values)
+    both = zip(table["again"], table["contacts"], strict=True)
+    assert all(there >= all_along - 1e-12 for there, all_along in both)
+    time = [frame.time for frame in chosen(run)]
+    assert table["interval"] == near((time[-1] - time[0]) / (len(time) - 1))
+
+
+def force_chains(of, run, table):
+    mean = table["mean"]
+    assert 0.0 <= mean["share"] <= 0.5
+    if mean["chains"]:
+        assert mean["mean_length"] == near(1e3 * mean["share"] / mean["chains"])
+        assert mean["longest"] <= COUNT
+
+
+def sliding(of, run, table):
+    slides, all_of_them = 0, 0
+    for frame in chosen(run):
+        between = (frame.contacts.j < COUNT) & (frame.contacts.impulse[:, 0] != 0.0)
+        slides += int(frame.contacts.sliding[between].sum())
+        all_of_them += int(between.sum())
+    if all_of_them:
+        shares = [value for value in table["values"]["sliding"] if value is not None]
+        assert 0.0 <= min(shares) <= slides / all_of_them <= max(shares) <= 1.0
+
+
+def friction(of, run, table):
+    assert sum(table["density"]) / len(table["density"]) == near(1.0)
+    assert 0.0 <= table["mean"] <= 1.0
+
+
 def neighbors(of, run, table):
     """Most of the pairs are where discs touch, none far below; the region is that of the
     centers."""
@@ -273,7 +319,12 @@ TABLES = {
     "map": grain_temperatures,
     "forces": forces,
     "forces --angles --frames -5:": directions,
+    "forces --mobilization --frames -5:": friction,
     "rheology": rheology,
+    "fabric": fabric,
+    "lifetimes": lifetimes,
+    "chains": force_chains,
+    "clusters": sliding,
     "conductivity": None,
     "diffusion --margin 1": strayed,
     "structure --margin 0 --reach 1.2": neighbors,
@@ -310,8 +361,14 @@ def refusal(of, name):
         return "those with a prescribed temperature in this frame are: none"
     if name == "theta-eta" and not of.bounds[0]:
         return f"the wall '{next(iter(of.walls))}' is neither below nor above the grains"
-    if name.startswith("forces --angles") and of.kind == "no walls":
-        return "no two grains press on each other in these frames"
+    if of.kind == "no walls":
+        none = "no two grains press on each other in"
+        return {
+            "forces --angles --frames -5:": f"{none} these frames",
+            "forces --mobilization --frames -5:": "no contact between grains has friction",
+            "fabric": f"{none} the bulk in these frames",
+            "lifetimes": "there is no contact in these frames",
+        }.get(name, "")
     return ""
 
 
@@ -342,7 +399,8 @@ HEAVY = (
 
 
 @pytest.mark.parametrize("words", [
-    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces", "structure"]),
+    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces", "structure", "fabric",
+        "lifetimes"]),
     "export csv RUN -o csv",
 ])  # fmt: skip
 def test_reading_loads_nothing_heavy(finished, tmp_path, words):
@@ -434,8 +492,12 @@ VARIANTS = {
         ["--frames", ":"]],
     "map": [*(["--of", name] for name in MAPPED), ["--frame", "0"]],
     "theta-eta": [[], ["--wall", "floor"], ["--frame", "0"], ["--frames", ":"]],
-    "forces": [[], ["--frame", "0"]],
+    "forces": [[], ["--frame", "0"], ["--mobilization", "--frames", ":"]],
     "rheology": [[], ["--margin", "0", "--frames", ":"]],
+    "fabric": [[], ["--margin", "0", "--frames", ":"]],
+    "lifetimes": [[], ["--margin", "0", "--frames", ":"]],
+    "chains": [[], ["--frames", ":"], ["--lengths", "--angle", "80"], ["--frame", "-1"]],
+    "clusters": [[], ["--frames", ":"]],
     "conductivity": [[]],
     "diffusion": [[], ["--margin", "0", "--frames", ":"]],
     "structure": [

@@ -12,7 +12,7 @@ from places import ROOT
 from scenes import SMALL
 
 from multicor_cli.optional import LIBRARIES, MissingLibrary, library
-from multicor_cli.post import Selection, conductivity
+from multicor_cli.post import Selection, chains, clusters, conductivity
 from multicor_cli.studies.figure import FITS, fit
 from multicor_cli.studies.table import Series
 
@@ -91,7 +91,10 @@ TEXTS = (
     "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN",
     "post compare RUN RUN",
     "post structure RUN --margin 0", "post avalanches RUN --of kinetic --threshold 1e-12",
-    "post series RUN", "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
+    "post fabric RUN --from 0", "post lifetimes RUN --from 0",
+    "post chains RUN --lengths --angle 89", "post chains RUN", "post chains RUN --frame -1",
+    "post clusters RUN", "post forces RUN --mobilization", "post series RUN",
+    "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
 )  # fmt: skip
 
 
@@ -124,6 +127,14 @@ def test_a_fit_names_the_extra(kind, monkeypatch):
     said = remove(monkeypatch, "scipy")
     with pytest.raises(MissingLibrary) as caught:
         fit(kind, series)
+    assert str(caught.value) == said
+
+
+@pytest.mark.parametrize("measure", [chains, clusters])
+def test_chains_and_clusters_name_the_extra(measure, column, monkeypatch):
+    said = remove(monkeypatch, "scipy")
+    with pytest.raises(MissingLibrary) as caught:
+        measure(column)
     assert str(caught.value) == said
 
 

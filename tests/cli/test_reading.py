@@ -194,7 +194,8 @@ def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch)
         "profile run", "profile run --of stress", "profile run --of heat",
         "theta-eta run --wall top", "map run",
         "map run --of stress", "forces run", "forces run --angles", "forces run --distribution",
-        "rheology run --from 0", "diffusion run --from 0",
+        "rheology run --from 0", "diffusion run --from 0", "forces run --mobilization",
+        "fabric run --from 0", "lifetimes run --from 0", "chains run", "clusters run",
         "energy run", "compare run run", "structure run --margin 0",
     )  # fmt: skip
     looked = []

@@ -59,6 +59,7 @@ def test_animate_without_ffmpeg_writes_a_gif_and_says_so(typed, tmp_path, monkey
     ("theta-eta HEATED --wall top --bins 5", "theta [–]"),
     ("structure RUN --margin 0", "pair correlation g [–]"),
     ("avalanches RUN --of kinetic --threshold 1e-12", "kinetic [J]"),
+    ("fabric RUN --from 0", "anisotropy [–]"),
     ("energy RUN", "lost to friction [J]"),
     ("forces RUN", "normal force, mean"),
 ])  # fmt: skip

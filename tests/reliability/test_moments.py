@@ -43,6 +43,10 @@ post map run --of speed
 post forces run
 post rheology run
 post conductivity run
+post fabric run
+post lifetimes run
+post chains run
+post clusters run
 post diffusion run --margin 1
 post structure run
 post mixing run

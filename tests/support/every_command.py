@@ -50,6 +50,12 @@ post map warm --of temperature --plot map.pdf
 post map warm --plot term
 post forces run --plot forces.png
 post rheology run --from 0 --plot rheology.png
+post forces run --mobilization --plot mobilization.png
+post fabric run --from 0 --plot fabric.png
+post lifetimes run --from 0 --plot lifetimes.png
+post chains run --plot chains.png
+post chains run --frame -1 --plot chain-map.png
+post clusters run --plot clusters.png
 post conductivity packed --frames : --plot conductivity.png
 post conductivity packed --network --plot network.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png

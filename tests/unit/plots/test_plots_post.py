@@ -67,12 +67,19 @@ def test_a_polar_map_ends_where_the_grains_do(column):
 def test_angles_are_polar_histograms_with_their_second_harmonic(column):
     table = post.angular_distribution(column, ALL)
     figure = figure_of(plots.draw_angles, table)
-    contacts, forces = figure.axes
-    for axes, values in ((contacts, table.density), (forces, np.nan_to_num(table.normal))):
+    contacts, forces, across = figure.axes
+    half = np.nan_to_num(table.tangential[: table.angle.size // 2])
+    for axes, values in (
+        (contacts, table.density), (forces, np.nan_to_num(table.normal)), (across, half)
+    ):  # fmt: skip
         assert [bar.get_height() for bar in axes.patches] == pytest.approx(values)
     highest = 0.5 / np.pi * (1.0 + table.moments["a_c"])
     assert contacts.lines[0].get_ydata().max() == pytest.approx(highest, rel=1e-3)
     assert f"{table.moments['a_c']:.3f}" in contacts.get_title()
+    degrees, wave = across.lines[-1].get_xydata().T
+    away = np.radians(degrees - table.moments["theta_t"])
+    level = np.nanmean(table.normal)
+    assert wave == pytest.approx(-level * table.moments["a_t"] * np.sin(2.0 * away))
 
 
 def test_comparison_shows_both_profiles_and_their_difference(column):

@@ -59,6 +59,9 @@ def printed(run, *words):
 
 @pytest.mark.parametrize(("table", "line", "keys"), [
     ("rheology", "", {}),
+    ("fabric", "", {}),
+    ("chains", "", {}),
+    ("clusters", "", {}),
     ("region", "--in={min=[0.0,0.002],max=[0.02,0.007]}", {"inside": BOX}),
 ])  # fmt: skip
 def test_means_of_tables(table, line, keys, run):
@@ -70,6 +73,13 @@ def test_means_of_tables(table, line, keys, run):
     if table == "region":
         with pytest.raises(Unobservable, match="no temperature"):
             taken(run, post=table, value="temperature", **keys)
+
+
+def test_lifetimes(run):
+    found = printed(run, "lifetimes", "--from", "0.02")
+    for name in SOURCES["lifetimes"].names:
+        pair = taken(run, post="lifetimes", value=name, after=LATE)
+        assert pair == pytest.approx((found[name], found[f"{name}_error"]), nan_ok=True)
 
 
 def test_diffusion(run):
