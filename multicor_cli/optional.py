@@ -32,7 +32,7 @@ LIBRARIES = {
     "distributed": Library("distributed", "study", "clusters"),
     "dask_jobqueue": Library("dask-jobqueue", "study", "jobs on a cluster"),
     "cryptography": Library("cryptography", "study", "jobs on a cluster"),
-    "scipy": Library("scipy", "study", "drawn points, fits and conductivities"),
+    "scipy": Library("scipy", "study", "drawn points, fits, conductivities and cells of grains"),
     "pandas": Library("pandas", "study", "DataFrames"),
     "pyarrow": Library("pyarrow", "study", "Parquet files"),
 }

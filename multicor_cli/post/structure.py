@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.model.columns import X, Y
+from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.lattice import Lattice, lattice_of
+from multicor_cli.post.pairs import near_pairs
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -29,8 +30,6 @@ MARGIN = 1.0
 """Mean diameters left out at sides that are not periodic, unless told otherwise."""
 
 _WIDTH = 0.05  # of a bin, in mean diameters
-_STRIPS = 4  # in which grains are sorted, per reach
-_CHUNK = 8192  # pairs at a time that stay in the cache
 
 
 class PairCorrelation(Table):
@@ -210,33 +209,8 @@ def _make_bins(limit: float, reach: float | None, bins: int | None) -> tuple[int
 
 
 def _count_pairs(region: Region, width: float, count: int) -> Floats:
-    """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``.
-
-    Images are sorted along x in strips: of each strip near a grain, those are looked at whose x is
-    near enough. A pair is found from its lower grain; of two at one height from the left one.
-    """
-    points, reach = region.points, (count + 0.5) * width
-    which, shift = region.lattice.images(points, np.full(len(points), reach))
-    images, tall = points[which] + shift, reach / _STRIPS
-    low, apart = images.min(axis=0), float(np.ptp(images[:, X])) + 3.0 * reach
-    row, along = np.floor((points[:, Y] - low[Y]) / tall), points[:, X] - low[X]
-    key = np.floor((images[:, Y] - low[Y]) / tall) * apart + images[:, X] - low[X]
-    order = np.argsort(key)
-    key, (x, y), (x_image, y_image) = key[order], points.T.copy(), images[order].T.copy()
+    """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``."""
     pairs = np.zeros(count, np.int64)
-    for step in range(_STRIPS + 1):
-        near = np.sqrt(reach**2 - (max(step - 1, 0) * tall) ** 2)
-        middle = (row + step) * apart + along
-        first = np.searchsorted(key, middle - near)
-        number = np.searchsorted(key, middle + near) - first
-        for part in np.array_split(np.arange(len(points)), number.sum() // _CHUNK + 1):
-            own = number[part]
-            i = np.repeat(part, own)
-            j = np.repeat(first[part] - (np.cumsum(own) - own), own) + np.arange(i.size)
-            across, upwards = x_image[j] - x[i], y_image[j] - y[i]
-            if step == 0:
-                is_above = (upwards > 0.0) | ((upwards == 0.0) & (across > 0.0))
-                across, upwards = across[is_above], upwards[is_above]
-            bin_ = (np.sqrt(across**2 + upwards**2) / width + 0.5).astype(np.int64)
-            pairs += np.bincount(bin_, minlength=count + 1)[1 : count + 1]
+    for near in near_pairs(region.points, region.lattice, (count + 0.5) * width):
+        pairs += np.bincount(near.bins(width), minlength=count + 1)[1 : count + 1]
     return pairs.astype(np.float64)

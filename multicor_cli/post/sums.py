@@ -205,7 +205,8 @@ def sum_grains(
 ) -> list[Sums]:
     """For what grains have, see `multicor_cli.post.quantities.Kind`; a row per frame.
 
-    A result for each of ``values``. Grains count with their area in a bin, or the part of it.
+    A result for each of ``values``. Grains count with their area in a bin, or the part of it; those
+    without a value do not.
     """
 
     def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
@@ -214,11 +215,15 @@ def sum_grains(
         counting = shares.area
         if kind == "number":
             counting = shares.area * (1.0 / (np.pi * radius**2))[shares.grain]
+        found = [value(frame, shares) for value in values]
+        if not (known := np.isfinite(found).all(axis=0)).all():
+            counting = np.where(known, counting, 0.0)
+            found = [np.where(known, each, 0.0) for each in found]
         if kind == "share":
             weight = np.full(bins.count, place.width * plane_width(source, frame))
         else:
             weight = bins.total(shares, counting)
-        weighted = [bins.total(shares, counting * value(frame, shares)) for value in values]
+        weighted = [bins.total(shares, counting * each) for each in found]
         return weighted, weight, bins.total(shares, shares.area)
 
     return _gathered(map(row, frames_of(source, chosen)))
