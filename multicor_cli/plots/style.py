@@ -414,7 +414,7 @@ _OVER_TIME = (
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
-    "structure_factor": "structure",
+    **dict.fromkeys(("correlation", "structure_factor", "voronoi"), "structure"),
 }
 """Modules that draw tables of several others."""
 

@@ -49,7 +49,7 @@ def d2min(model: Model, before: Frame, after: Frame) -> Floats:
         r = np.column_stack([near.across, near.upwards])
         kept = (r**2).sum(axis=1) <= reach**2
         i, j, r = near.i[kept], near.j[kept], r[kept]
-        away = moved(i, j, r)
+        away = moved(i, j)
         for grain in (i, j):  # with both signs turned, all sums are the same
 
             def add(values: Floats, grain: Any = grain) -> Floats:
@@ -74,29 +74,31 @@ def d2min(model: Model, before: Frame, after: Frame) -> Floats:
     return np.where(is_known, left / np.maximum(number, 1.0), np.nan)
 
 
-Moved = Callable[[Any, Any, Floats], Floats]
-"""Displacement of j relative to i, of pairs that were the ways r apart [m], shape ``(k, 2)``."""
+Moved = Callable[[Any, Any], Floats]
+"""Displacements of j relative to i, but for what is affine [m], shape ``(k, 2)``."""
 
 
 def _moved(_model: Model, before: Frame, after: Frame, _points: Floats) -> Moved:
     way = (np.asarray(f.unwrapped, np.float64)[:, :2] for f in (after, before))
     moved = next(way) - next(way)
-    return lambda i, j, _r: np.asarray(moved[j] - moved[i])
+    return lambda i, j: np.asarray(moved[j] - moved[i])
 
 
 def _moved_in_cell(model: Model, before: Frame, after: Frame, points: Floats) -> Moved:
-    """Of images that the cell takes along: nobody counts how often grains cross its sides."""
-    first, second = lattice_of(model, before), lattice_of(model, after)
-    strain = deformation(first, second, before, after) - np.eye(2)
-    end = np.asarray(after.position, np.float64)[:, :2]
-    beside = end - points - points @ strain.T
+    """Beside the motion of the cell, which is affine and which its images follow.
 
-    def moved(i: Any, j: Any, r: Floats) -> Floats:
+    Nobody counts how often grains cross its sides: of all images the nearest is taken.
+    """
+    first, second = lattice_of(model, before), lattice_of(model, after)
+    end = np.asarray(after.position, np.float64)[:, :2]
+    beside = end - points @ deformation(first, second, before, after).T
+
+    def moved(i: Any, j: Any) -> Floats:
         other = beside[j] - beside[i]
         up = np.round(other[:, Y] / second.height)
         other -= up[:, np.newaxis] * np.array([second.tilt, second.height])
         other[:, X] -= second.width * np.round(other[:, X] / second.width)
-        return np.asarray(other + r @ strain.T)
+        return np.asarray(other)
 
     return moved
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Outline
 from multicor_cli.optional import library
 from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import Frame
@@ -18,8 +19,9 @@ from multicor_cli.post.walls import placed_walls
 WALL = -1
 """What lies across a side on a smooth wall."""
 
-OPEN = 3.0
-"""Mean distances of the grains from which on a cell is open, unless there are images all around."""
+OPEN = 2.5
+"""From how many roots of the median area of cells on a cell is open, unless there are images all
+around."""
 
 _NEAR = 4.0  # how far images are looked at first, in mean distances of the grains
 _SHORT = 1e-6  # in mean distances of the grains: shorter sides are corners where four cells meet
@@ -34,9 +36,9 @@ class Cells(NamedTuple):
     (Gellatly & Finney, J. Non-Cryst. Solids 50, 313, 1982; Aurenhammer, SIAM J. Comput. 16, 78,
     1987). It ends at smooth walls: at each straight piece that the grain is beside of, at the
     tangent of a circle in the point nearest to the center, and across the way to a corner that is
-    nearer than those. But in a domain that is periodic in both directions, cells are open that
-    reach farther from their center than `OPEN` mean distances √(A/n) of the grains, with the area A
-    of the rectangle around all discs: those of a free surface.
+    nearer than those; what is nearer to a grain beyond a thin wall belongs to none. Unless a domain is periodic in both directions, cells are open that reach
+    farther from the center of their grain than `OPEN` times the root of the median area of all
+    cells: those at a free surface.
 
     Attributes:
         area: Areas of the cells [m²], nan of open ones, shape ``(n,)``.
@@ -91,8 +93,10 @@ class _Sides(NamedTuple):
     start: Floats
     end: Floats
 
-    def where(self, chosen: NDArray[np.bool_]) -> _Sides:
-        return _Sides(*(values[chosen] for values in self))
+    def area_of(self, count: int) -> Floats:
+        """Areas of the cells of so many grains [m²], shape ``(n,)``."""
+        (x, y), (u, v) = self.start.T, self.end.T
+        return np.asarray(0.5 * np.bincount(self.grain, x * v - y * u, minlength=count))
 
     def reach_of(self, count: int) -> Floats:
         """How far the cells of so many grains reach from their centers [m], shape ``(n,)``."""
@@ -106,9 +110,11 @@ def cells_of(model: Model, frame: Frame) -> Cells:
     lattice = lattice_of(model, frame).reduced
     center = lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
     pose, n = np.asarray(frame.wall_position, np.float64), len(center)
+    walls = [*placed_walls(model, pose)]
     glued = [
         np.column_stack([outline.points[:, 0], outline.radius])
-        for _, outline in placed_walls(model, pose, model.shapes.kind == ShapeKind.DISC)
+        for _, outline in walls
+        if outline.is_grain and outline.radius is not None
     ]
     discs = np.concatenate([np.column_stack([center, model.grains.radius]), *glued])
     discs[n:, :2] = lattice.wrapped(discs[n:, :2])
@@ -120,9 +126,9 @@ def cells_of(model: Model, frame: Frame) -> Cells:
     reach = _NEAR * spacing if is_cell else limit + float(np.hypot(limit, radius.max()))
     while True:
         which, shift = lattice.images(place, np.full(len(discs), reach))
-        sides = _radical_sides(place[which] + shift, radius[which], n)
+        sides = _radical_sides(place[which] + shift, radius[which], n, reach)
         sides = sides._replace(other=np.append(which, np.full(4, len(discs)))[sides.other])
-        for foot in _feet(model, pose, center, lattice.width, sides.reach_of(n)):
+        for foot in _feet(model, walls, center, lattice.width, sides.reach_of(n)):
             sides = _cut(sides, foot)
         if not is_cell:
             break
@@ -132,21 +138,26 @@ def cells_of(model: Model, frame: Frame) -> Cells:
         if needed <= reach:
             break
         reach = needed if (sides.other < len(discs)).all() else 2.0 * reach
-    is_open = np.ones(n, np.bool_)
-    is_open[sides.grain] = False
+    area = sides.area_of(n)
+    is_open = np.bincount(sides.grain, minlength=n) == 0
     if not is_cell:
-        is_open |= sides.reach_of(n) > limit
-    return _measured(sides.where(~is_open[sides.grain]), is_open, _SHORT * spacing)
+        is_open |= sides.reach_of(n) > min(OPEN * float(np.sqrt(np.median(area))), limit)
+    way = sides.end - sides.start
+    length = np.hypot(*way.T)
+    kept = ~is_open[sides.grain] & (length > _SHORT * spacing)
+    normal = np.column_stack([way[kept, 1], -way[kept, 0]]) / length[kept, np.newaxis]
+    area[is_open] = np.nan
+    return Cells(area, sides.grain[kept], sides.other[kept], normal, length[kept])
 
 
-def _radical_sides(points: Floats, radius: Floats, count: int) -> _Sides:
+def _radical_sides(points: Floats, radius: Floats, count: int, room: float) -> _Sides:
     """Sides of the cells of the first ``count`` of some discs, whose neighbors are numbered.
 
-    Four more points far around them all close the cells. Cells are dual to the lower faces of the
-    convex hull of the points (x, y, x² + y² − a²).
+    Four more points, farther than ``room`` [m] around them all, close the cells. Cells are dual to
+    the lower faces of the convex hull of the points (x, y, x² + y² − a²).
     """
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    scale = float(np.max(np.ptp(points, axis=0))) or 1.0
+    scale = float(np.max(np.ptp(points, axis=0))) + 2.0 * room
     corners = _FAR * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     at = np.concatenate([(points - middle) / scale, corners])
     square = np.append(radius / scale, np.zeros(4)) ** 2
@@ -179,7 +190,11 @@ def _radical_sides(points: Floats, radius: Floats, count: int) -> _Sides:
 
 
 def _feet(
-    model: Model, pose: Floats, center: Floats, period: float, reach: Floats
+    model: Model,
+    walls: Sequence[tuple[NDArray[np.int64], Outline]],
+    center: Floats,
+    period: float,
+    reach: Floats,
 ) -> Iterator[Floats]:
     """Ways from the grains to points at which smooth walls end their cells, nan for none [m].
 
@@ -187,11 +202,11 @@ def _feet(
     the grains, shape ``(n,)``.
     """
     shapes, nearest = model.shapes, np.full((model.wall_count, len(center)), np.inf)
-    kinds = [*placed_walls(model, pose, shapes.kind != ShapeKind.DISC)]
     # Corners come last: they count where nothing else of their wall is as near
-    kinds.sort(key=lambda pair: bool(shapes.kind[pair[0][0]] == ShapeKind.VERTEX))
+    smooth = [pair for pair in walls if not pair[1].is_grain]
+    smooth.sort(key=lambda pair: bool(shapes.kind[pair[0][0]] == ShapeKind.VERTEX))
     grains, feet = [np.zeros(0, np.int64)], [np.zeros((0, 2))]
-    for which, outline in kinds:
+    for which, outline in smooth:
         for k, shape in enumerate(which.tolist()):
             own = nearest[shapes.wall[shape]]
             foot = _foot(outline, k, center, period)
@@ -213,7 +228,7 @@ def _feet(
         yield found
 
 
-def _foot(outline: Any, k: int, center: Floats, period: float) -> Floats:
+def _foot(outline: Outline, k: int, center: Floats, period: float) -> Floats:
     """Ways from the grains to the nearest point of a shape, nan of pieces beside them ``(n, 2)``."""
     point = outline.points[k, 0]
     away = point - center
@@ -247,23 +262,12 @@ def _cut(sides: _Sides, foot: Floats) -> _Sides:
     crossing = sides.start + part[:, np.newaxis] * (sides.end - sides.start)
     end = np.where(leaves[:, np.newaxis], crossing, sides.end)
     start = np.where(enters[:, np.newaxis], crossing, sides.start)
-    inside = _Sides(sides.grain, sides.other, start, end).where((one <= 0.0) | (two <= 0.0))
+    kept = (one <= 0.0) | (two <= 0.0)
+    inside = sides.grain[kept], sides.other[kept], start[kept], end[kept]
     # Along the wall from where a cell leaves to where it enters again
     out, back = np.full_like(foot, np.nan), np.full_like(foot, np.nan)
     out[sides.grain[leaves]], back[sides.grain[enters]] = crossing[leaves], crossing[enters]
     grain = np.flatnonzero(np.isfinite(out[:, 0]) & np.isfinite(back[:, 0]))
-    wall = _Sides(grain, np.full(grain.size, WALL), out[grain], back[grain])
+    wall = grain, np.full(grain.size, WALL), out[grain], back[grain]
     return _Sides(*(np.concatenate(pair) for pair in zip(inside, wall, strict=True)))
 
-
-def _measured(sides: _Sides, is_open: NDArray[np.bool_], short: float) -> Cells:
-    """Areas, and sides that are not ``short`` [m], of the cells that are not open."""
-    (x, y), (u, v) = sides.start.T, sides.end.T
-    area = 0.5 * np.bincount(sides.grain, x * v - y * u, minlength=is_open.size)
-    way = sides.end - sides.start
-    length = np.hypot(*way.T)
-    kept = length > short
-    normal = np.column_stack([way[kept, 1], -way[kept, 0]]) / length[kept, np.newaxis]
-    return Cells(
-        np.where(is_open, np.nan, area), sides.grain[kept], sides.other[kept], normal, length[kept]
-    )

@@ -164,8 +164,8 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology", "conductivity", "diffusion", "structure", "region", "profile", "theta-eta",
-            "map", "forces", "energy"
+            "rheology", "conductivity", "diffusion", "structure", "correlation", "region",
+            "profile", "theta-eta", "map", "forces", "energy"
         ]
         | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip
@@ -183,7 +183,7 @@ class Observable(Table):
         None, description="where in a profile: height above the lower wall [m]; in theta-eta: η"
     )
     bins: int | None = Field(
-        None, ge=1, le=10_000, description="number of bins of a profile, theta-eta or structure"
+        None, ge=1, le=10_000, description="number of bins of a profile, theta-eta, structure, correlation"
     )
     inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
     statistic: Literal["mean", "min", "max", "std"] | None = Field(
@@ -213,7 +213,7 @@ class Observable(Table):
 
 _KEYS_OF_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "at": (("profile", "theta-eta"), ()),
-    "bins": ((), ("profile", "theta-eta", "structure")),
+    "bins": ((), ("profile", "theta-eta", "structure", "correlation")),
     "inside": (("region",), ()),
     "statistic": ((), ("map",)),
 }
