@@ -50,6 +50,7 @@ COMMANDS: list[tuple[list[str], float]] = [
         "coordination",
         "stress",
         "kinetic-stress",
+        "d2min",
     )
 ] + [
     (["theta-eta", "--wall", "top"], 10.0),
@@ -63,6 +64,8 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["rheology", "--plot", "rheology.png"], 10.0),
     (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 20.0),
     (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
+    (["structure", "--voronoi", "--frames", ":", "--plot", "cells.png"], 200.0),
+    (["correlation", "--frames", ":", "--plot", "correlation.png"], 200.0),
     (["energy", "--plot", "energy.png"], 10.0),
     (["compare", "DIR"], 10.0),
 ]

@@ -418,7 +418,9 @@ def _about_grains(table: Any, more: str = "") -> str:
 
 def _counted(table: Any) -> str:
     span = _span(table.frames.size, "frame", table.times)
-    return f"{span}, {table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
+    return (
+        f"{span}, {table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
+    )
 
 
 # ---- Command `post correlation`: over which distances grains move together

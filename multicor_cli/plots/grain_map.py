@@ -315,7 +315,7 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
 
 
 def _colors(table: GrainMap) -> Any:
-    """Color map; white are grains without a value, and what is not positive on a logarithmic scale."""
+    """Color map; white is what has no value, and what is not positive on a logarithmic scale."""
     import matplotlib as mpl
 
     if table.names:

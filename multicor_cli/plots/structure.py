@@ -101,7 +101,12 @@ def voronoi_text(table: VoronoiTable, _terminal: Terminal) -> str:
 
 # ---- Correlation of velocities
 
-_CURVES = {"both": r"$\mathbf{v}\prime$", "along": "along $x$", "across": "along $y$", "spin": "spin"}
+_CURVES = {
+    "both": r"$\mathbf{v}\prime$",
+    "along": "along $x$",
+    "across": "along $y$",
+    "spin": "spin",
+}
 _CORRELATION = "correlation $C(r)$ [–]"
 
 

@@ -114,7 +114,7 @@ def correlation(
     fluctuation = float(np.sqrt((x + y) / n))
     if not fluctuation > _NOTHING * fastest:
         raise PostError("nothing moves beside the mean flow in these frames: choose others")
-    distance = width * (known + 1.0)
+    distance = np.asarray(width * (known + 1.0), np.float64)
     times = np.asarray(source.frames.time, np.float64)[chosen]
     value, spreads = of_sums(lambda sums: _derive(sums, count, known, distance), rows, times)
     columns = [Column("distance", "1", distance, "r/d"), Column("r", "m", distance * diameter)]
@@ -175,8 +175,8 @@ def _derive(sums: Floats, count: int, known: NDArray[np.int64], distance: Floats
     pairs, x, y, spin = (
         sums[..., 4 + k * count : 4 + (k + 1) * count][..., known] for k in range(4)
     )
-    of_all = ((x + y, squares[..., :2].sum(axis=-1)), (x, squares[..., 0]), (y, squares[..., 1]))
-    of_all += ((spin, squares[..., 2]),)
+    both = squares[..., 0] + squares[..., 1]
+    of_all = zip((x + y, x, y, spin), (both, *np.moveaxis(squares, -1, 0)), strict=True)
     found = [products / pairs / (square[..., np.newaxis] / n) for products, square in of_all]
     lengths = np.stack([correlation_length(distance, c) for c in found], axis=-1)
     return np.concatenate([lengths, *found], axis=-1)

@@ -368,9 +368,7 @@ def _of_grains(
     return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow]
 
 
-def derive(
-    sums: Floats, names: tuple[str, ...], axes: str, diameter: float
-) -> dict[str, Floats]:
+def derive(sums: Floats, names: tuple[str, ...], axes: str, diameter: float) -> dict[str, Floats]:
     """The fields, by name, from mean densities ``(…, q)``; nan where nothing is near.
 
     Velocity is momentum over mass (spin likewise), gradients those of the mean velocity, (∂_b p_a −

@@ -136,8 +136,7 @@ def fields(
     facts["standard_error"] = {name: each.reshape(points.shape) for name, each in error.items()}
     details = [*coordinates, *(Column(f.name, f.unit, values[f.name]) for f in known)]
     details += [
-        Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}")
-        for f in known
+        Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}") for f in known
     ]
     if points.is_grid:  # a row for each field
         labels = [with_unit(field.label, field.unit) for field in known]
@@ -265,17 +264,20 @@ class Blocks:
         """All rows are kept if ``most``, an even number, is None."""
         self.rows: list[Floats] = []
         self.size, self._most, self._count = 1, most, 0
+        self.total, self._partial = np.zeros(()), np.zeros(())
 
     def add(self, row: Floats) -> None:
         """Add a row."""
         if not self._count % self.size and len(self.rows) == self._most:
-            self.rows = [first + second for first, second in zip(*[iter(self.rows)] * 2, strict=True)]
+            self.rows = [
+                first + second for first, second in zip(*[iter(self.rows)] * 2, strict=True)
+            ]
             self.size *= 2
-        self._partial = row if not self._count % self.size else self._partial + row
-        self.total = self.total + row if self._count else row
+        self._partial, self.total = self._partial + row, self.total + row
         self._count += 1
         if not self._count % self.size:
             self.rows.append(self._partial)
+            self._partial = np.zeros(())
 
 
 def _most_rows(numbers: int) -> int:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.model import Floats

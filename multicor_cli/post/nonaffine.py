@@ -53,7 +53,7 @@ def d2min(model: Model, before: Frame, after: Frame) -> Floats:
         for grain in (i, j):  # with both signs turned, all sums are the same
 
             def add(values: Floats, grain: Any = grain) -> Floats:
-                return np.bincount(grain, values, minlength=n)
+                return np.asarray(np.bincount(grain, values, minlength=n), np.float64)
 
             number += np.bincount(grain, minlength=n)
             squares += add((away**2).sum(axis=1))

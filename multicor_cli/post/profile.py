@@ -277,9 +277,9 @@ def profiles(
     kind = fields[0].kind
     if any(field.needs_contacts for field in fields):
         chosen = with_forces(source, chosen)
-    part = source
+    part, counted = source, chosen
     if any(field.since_before for field in fields):
-        part, chosen = with_frames_before(source, chosen)
+        part, counted = with_frames_before(source, chosen)
     if groups:
         part = of_groups(part, groups)
     for field in fields:
@@ -304,7 +304,7 @@ def profiles(
         if kind == "rate":
             sums = sum_rates(part, chosen, bins_, values)
         else:
-            sums = sum_grains(part, chosen, bins_, values, kind)
+            sums = sum_grains(part, counted, bins_, values, kind)
     tables = [
         _make_table(source, *pair, chosen, bins_, tuple(groups))
         for pair in zip(fields, sums, strict=True)

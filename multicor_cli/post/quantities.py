@@ -109,7 +109,7 @@ class GrainQuantity(Quantity):
 def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
     """Smallest and largest value with a color of its own, of finite values of so many grains."""
     if not values.size:
-        return 0.0, 1.0
+        return (_DECADES if quantity.scale == "logarithmic" else 0.0), 1.0
     low, high = float(values.min()), float(values.max())
     if quantity.scale == "logarithmic":
         high = high if high > 0.0 else 1.0
@@ -197,7 +197,7 @@ def _of_cells(values: Callable[[Cells, Model], Any]) -> dict[str, Any]:
     return {"of_grain": of_grain, "averaged": averaged, "kind": "number", "of_others": True}
 
 
-def _since_before(frame: Frame, model: Model) -> Floats:
+def _since_before(frame: Any, model: Model) -> Floats:  # a FrameSince
     return d2min(model, frame.before, frame.frame)
 
 

@@ -36,9 +36,9 @@ class Cells(NamedTuple):
     (Gellatly & Finney, J. Non-Cryst. Solids 50, 313, 1982; Aurenhammer, SIAM J. Comput. 16, 78,
     1987). It ends at smooth walls: at each straight piece that the grain is beside of, at the
     tangent of a circle in the point nearest to the center, and across the way to a corner that is
-    nearer than those; what is nearer to a grain beyond a thin wall belongs to none. Unless a domain is periodic in both directions, cells are open that reach
-    farther from the center of their grain than `OPEN` times the root of the median area of all
-    cells: those at a free surface.
+    nearer than those; what is nearer to a grain beyond a thin wall belongs to none. Unless a domain
+    is periodic in both directions, cells are open that reach farther from the center of their grain
+    than `OPEN` times the root of the median area of all cells: those at a free surface.
 
     Attributes:
         area: Areas of the cells [m²], nan of open ones, shape ``(n,)``.
@@ -74,9 +74,7 @@ class Cells(NamedTuple):
         is_bond, n = self.other != WALL, self.area.size
         grain, length = self.grain[is_bond], self.length[is_bond]
         angle = fold * np.arctan2(self.normal[is_bond, 1], self.normal[is_bond, 0])
-        parts = (
-            np.bincount(grain, length * wave(angle), minlength=n) for wave in (np.cos, np.sin)
-        )
+        parts = (np.bincount(grain, length * wave(angle), minlength=n) for wave in (np.cos, np.sin))
         whole = np.bincount(grain, length, minlength=n)
         real, imaginary = (
             np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
@@ -229,7 +227,7 @@ def _feet(
 
 
 def _foot(outline: Outline, k: int, center: Floats, period: float) -> Floats:
-    """Ways from the grains to the nearest point of a shape, nan of pieces beside them ``(n, 2)``."""
+    """Ways from the grains to the nearest point of a shape, nan of pieces aside, ``(n, 2)``."""
     point = outline.points[k, 0]
     away = point - center
     if outline.normal is not None:
@@ -237,7 +235,9 @@ def _foot(outline: Outline, k: int, center: Floats, period: float) -> Floats:
         return np.asarray((away @ normal)[:, np.newaxis] * normal)
     if outline.radius is not None:
         distance = np.hypot(*away.T)[:, np.newaxis]
-        return np.asarray(away * (1.0 - outline.radius[k] / np.where(distance > 0.0, distance, 1.0)))
+        return np.asarray(
+            away * (1.0 - outline.radius[k] / np.where(distance > 0.0, distance, 1.0))
+        )
     middle = outline.points[k].mean(axis=0) - center
     if period > 0.0:
         away[:, 0] -= period * np.round(middle[:, 0] / period)
@@ -270,4 +270,3 @@ def _cut(sides: _Sides, foot: Floats) -> _Sides:
     grain = np.flatnonzero(np.isfinite(out[:, 0]) & np.isfinite(back[:, 0]))
     wall = grain, np.full(grain.size, WALL), out[grain], back[grain]
     return _Sides(*(np.concatenate(pair) for pair in zip(inside, wall, strict=True)))
-

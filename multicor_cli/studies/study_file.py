@@ -183,7 +183,10 @@ class Observable(Table):
         None, description="where in a profile: height above the lower wall [m]; in theta-eta: η"
     )
     bins: int | None = Field(
-        None, ge=1, le=10_000, description="number of bins of a profile, theta-eta, structure, correlation"
+        None,
+        ge=1,
+        le=10_000,
+        description="number of bins of a profile, theta-eta, structure, correlation",
     )
     inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
     statistic: Literal["mean", "min", "max", "std"] | None = Field(

@@ -203,6 +203,32 @@ def neighbors(of, run, table):
         assert 0.7 < table["first_peak_distance"] < 1.3
 
 
+def cells(of, run, table):
+    """Cells are larger than their grains, and of as many as there are; in a layer all fit between
+    the walls."""
+    mean = table["mean"]
+    assert table["grain_count"] <= COUNT
+    assert table["open_share"] == pytest.approx(1.0 - table["grain_count"] / COUNT)
+    assert 0.1 < mean["solid_fraction"] < 1.0
+    assert 2.0 < mean["neighbors"] < 6.5
+    assert 0.0 <= mean["hexatic_global"] <= mean["hexatic"] <= 1.0
+    assert sum(table["grains"]) == round(table["grain_count"] * table["frame_count"])
+    if of.is_layer:
+        low, high = lines(of, run)
+        assert table["open_share"] == 0.0
+        assert mean["solid_fraction"] > 0.9 * area_of(run) / (PERIOD * (high - low))
+
+
+def correlated(of, run, table):
+    """At touch neighbors share their motion, but no more than all of it."""
+    d = run.model.mean_diameter
+    assert table["mean_diameter"] == near(d)
+    assert table["grain_count"] == COUNT
+    assert table["r"] == pytest.approx([d * at for at in table["distance"]])
+    speeds = np.concatenate([frame.velocity[:, :2] for frame in chosen(run)])
+    assert 0.0 < table["fluctuation"] <= np.sqrt((speeds**2).sum(axis=1).mean()) * (1.0 + 1e-9)
+
+
 def everywhere(of, run, table):
     """A region that holds all grains."""
     assert set(table["grains"]) == {COUNT}
@@ -266,6 +292,8 @@ TABLES = {
     "conductivity": None,
     "diffusion --margin 1": strayed,
     "structure --margin 0 --reach 1.2": neighbors,
+    "structure --voronoi --margin 0": cells,
+    "correlation --margin 0 --reach 1.4": correlated,
     "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
     "fields --spacing 0.25": coarse,
     "flow --line 0.0,0.02:0.06,0.02": flow,
@@ -322,7 +350,7 @@ HEAVY = (
 
 
 @pytest.mark.parametrize("words", [
-    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces", "structure"]),
+    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces", "structure", "correlation"]),
     "export csv RUN -o csv",
 ])  # fmt: skip
 def test_reading_loads_nothing_heavy(finished, tmp_path, words):
@@ -420,8 +448,9 @@ VARIANTS = {
     "diffusion": [[], ["--margin", "0", "--frames", ":"]],
     "structure": [
         [], ["--reach", "2", "--margin", "0"], ["--bins", "3", "--frames", ":"], ["--factor"],
-        ["--reach", "1e300"],
+        ["--reach", "1e300"], ["--voronoi"], ["--voronoi", "--margin", "0", "--frames", ":"],
     ],
+    "correlation": [[], ["--margin", "0", "--reach", "2"], ["--bins", "3", "--frames", ":"]],
     "region": [["--in", REGION_SEEN],
         ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [

@@ -12,7 +12,7 @@ from places import ROOT
 from scenes import SMALL
 
 from multicor_cli.optional import LIBRARIES, MissingLibrary, library
-from multicor_cli.post import Selection, conductivity
+from multicor_cli.post import Selection, conductivity, voronoi
 from multicor_cli.studies.figure import FITS, fit
 from multicor_cli.studies.table import Series
 
@@ -66,6 +66,8 @@ def test_the_list_is_that_of_the_extras():
     ("matplotlib", "post map RUN --of velocity --plot term"),
     ("matplotlib", "post animate RUN --of velocity -o a.gif"),
     ("gsd", "export gsd RUN -o a.gsd"),
+    ("scipy", "post structure RUN --voronoi"),
+    ("scipy", "post map RUN --of hexatic"),
     ("scipy", "study validate sobol.toml"),
     ("scipy", "study run latin-hypercube.toml"),
     ("scipy", "study status sobol.toml"),
@@ -88,7 +90,9 @@ TEXTS = (
     "post rheology RUN --from 0",
     "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN",
     "post compare RUN RUN",
-    "post structure RUN --margin 0", "post series RUN", "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
+    "post structure RUN --margin 0", "post structure RUN --voronoi --margin 0",
+    "post correlation RUN --margin 0", "post series RUN",
+    "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
 )  # fmt: skip
 
 
@@ -124,10 +128,11 @@ def test_a_fit_names_the_extra(kind, monkeypatch):
     assert str(caught.value) == said
 
 
-def test_a_conductivity_names_the_extra(monkeypatch):
+@pytest.mark.parametrize("measure", [conductivity, voronoi])
+def test_a_table_names_the_extra(measure, monkeypatch):
     said = remove(monkeypatch, "scipy")
     with pytest.raises(MissingLibrary) as caught:
-        conductivity(square_of_discs([0.3]), Selection(start=0.0))
+        measure(square_of_discs([0.3]), Selection(start=0.0))
     assert str(caught.value) == said
 
 

@@ -45,6 +45,8 @@ post rheology run
 post conductivity run
 post diffusion run --margin 1
 post structure run
+post structure run --voronoi
+post correlation run
 post fields run
 post energy run
 post region run --in {min=[0.0,0.0],max=[0.02,0.01]}

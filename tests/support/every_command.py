@@ -53,6 +53,8 @@ post conductivity packed --frames : --plot conductivity.png
 post conductivity packed --network --plot network.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
 post structure packed --factor --plot structure.png
+post structure packed --voronoi --plot cells.png
+post correlation run --margin 0 --plot correlation.png
 post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png
 post fields run --plot fields.png
 post energy warm --plot energy.png

@@ -113,7 +113,9 @@ def test_pairs_one_by_one():
 def test_the_length_is_where_a_line_crosses():
     at = np.array([1.0, 2.0, 3.0])
     level = np.exp(-1.0)
-    values = np.array([[0.9, 0.5, 0.1], [level, level - 0.1, 0.9], [0.9, 0.8, 0.7], [0.0, 1.0, 1.0]])
+    values = np.array(
+        [[0.9, 0.5, 0.1], [level, level - 0.1, 0.9], [0.9, 0.8, 0.7], [0.0, 1.0, 1.0]]
+    )
     expected = [2.0 + (0.5 - level) / 0.4, 1.0, np.nan, 1.0 - level]
     assert correlation_length(at, values) == pytest.approx(expected, nan_ok=True)
 

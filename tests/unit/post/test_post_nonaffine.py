@@ -101,7 +101,7 @@ def test_maps_and_profiles_of_a_layer():
     random = np.random.default_rng(4)
     x, y = np.meshgrid(np.arange(9.0), np.arange(6.0) + 0.5)
     start = np.column_stack([x.ravel(), y.ravel()])
-    moves = [random.normal(0.0, 0.1, (54, 2)) + [0.4, 0.0] for _ in range(4)]
+    moves = [random.normal((0.4, 0.0), 0.1, (54, 2)) for _ in range(4)]
     model = make_model(np.full(54, 0.5), period=9.0)
     source = source_of(model, layer_frames(start, moves))
     places = [frame.unwrapped for frame in source.frames]
@@ -110,7 +110,7 @@ def test_maps_and_profiles_of_a_layer():
     assert grain_map(source, "d2min", 2).value == pytest.approx(expected[1], rel=1e-9)
     table = profile(source, "d2min", ALL, 1)
     assert table.value[0] == pytest.approx(np.mean(expected), rel=1e-9)
-    assert table.frames.tolist() == [1, 2, 3]
+    assert table.frames.tolist() == [0, 1, 2, 3]
     lag = profile(source, "d2min", Selection(frames=slice(0, None, 3)), 1)
     assert lag.value[0] == pytest.approx(one_by_one(places[0], places[3], images).mean(), rel=1e-9)
 

@@ -160,10 +160,14 @@ def test_smooth_walls_end_cells():
     tray = WallBody.empty((0.0, 0.0), 1.0).with_line(
         np.array([[0.0, 8.0], [0.0, 0.0], [12.0, 0.0], [12.0, 8.0]]), 0.0
     )
-    model = make_model(np.full(150, 0.1), [*shapes_of(tray, 0), (ShapeKind.PLANE, 1, (0, 8, 0, -1))], NAMES[:2])
+    model = make_model(
+        np.full(150, 0.1), [*shapes_of(tray, 0), (ShapeKind.PLANE, 1, (0, 8, 0, -1))], NAMES[:2]
+    )
     assert cells_of(model, frame_of(places)).area == pytest.approx(cells.area, rel=1e-9)
     around = places[np.hypot(*(places - [6.0, 4.0]).T) < 4.0]
-    ring = make_model(np.full(len(around), 0.1), [(ShapeKind.CIRCLE, 0, (6.0, 4.0, 4.0, 0.0))], ("ring",))
+    ring = make_model(
+        np.full(len(around), 0.1), [(ShapeKind.CIRCLE, 0, (6.0, 4.0, 4.0, 0.0))], ("ring",)
+    )
     found = cells_of(ring, frame_of(around, walls=1)).area
     assert np.pi * 16.0 < found.sum() < 1.02 * np.pi * 16.0
 
@@ -196,10 +200,12 @@ def test_a_thin_wall_parts_cells():
 
 def test_glued_grains_have_cells_of_their_own():
     """The lowest row of a square lattice, glued, bounds the cells of those above as they do."""
-    lattice, position = square(6)
+    _, position = square(6)
     low = position[:, 1] < 1.0
     glued = [(ShapeKind.DISC, 0, (*at, 0.5, 0.0)) for at in position[low].tolist()]
-    model = make_model(np.full(30, 0.5), [*glued, (ShapeKind.PLANE, 1, (0, 5.8, 0, -1))], NAMES[:2], period=6.0)
+    model = make_model(
+        np.full(30, 0.5), [*glued, (ShapeKind.PLANE, 1, (0, 5.8, 0, -1))], NAMES[:2], period=6.0
+    )
     cells = cells_of(model, frame_of(position[~low]))
     assert cells.area == pytest.approx(1.0)
     assert (cells.other >= 30).sum() == 6
