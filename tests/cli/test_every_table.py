@@ -320,6 +320,8 @@ def refusal(of, name):
         return f"the wall '{next(iter(of.walls))}' is neither below nor above the grains"
     if name.startswith("forces --angles") and of.kind == "no walls":
         return "no two grains press on each other in these frames"
+    if name.startswith("correlation") and of.kind == "no walls":
+        return "nothing moves beside the mean flow in these frames"
     return ""
 
 
