@@ -101,12 +101,12 @@ def voronoi(
     need_grains(source, chosen)
     count = bins or _BINS
     rows = np.array([_sums(source, f, edge * diameter, count) for f in frames_of(source, chosen)])
-    open_share, rows = rows[:, 0].sum() / rows[:, :2].sum(), rows[:, 1:]
-    if not rows[:, 0].any():
+    if not rows[:, 1].any():
         raise PostError(
             "no grain in the region has a cell: too few are there, or each is at a free surface; "
             "lower --margin, or choose other frames"
         )
+    open_share, rows = rows[:, 0].sum() / rows[:, :2].sum(), rows[:, 1:]
     times = np.asarray(source.frames.time, np.float64)[chosen]
     values, spreads = of_sums(lambda sums: _derive(sums, count), rows, times)
     k = len(QUANTITIES)

@@ -90,7 +90,7 @@ TEXTS = (
     "post rheology RUN --from 0",
     "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN",
     "post compare RUN RUN",
-    "post structure RUN --margin 0", "post structure RUN --voronoi --margin 0",
+    "post structure RUN --margin 0",
     "post correlation RUN --margin 0", "post series RUN",
     "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
 )  # fmt: skip

@@ -196,7 +196,6 @@ def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch)
         "map run --of stress", "forces run", "forces run --angles", "forces run --distribution",
         "rheology run --from 0", "diffusion run --from 0",
         "energy run", "compare run run", "structure run --margin 0",
-        "structure run --voronoi --margin 0", "correlation run --margin 0",
     )  # fmt: skip
     looked = []
     monkeypatch.setattr(
