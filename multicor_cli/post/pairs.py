@@ -43,7 +43,8 @@ def near_pairs(points: Floats, lattice: Lattice, reach: float) -> Iterator[Pairs
 
     Args:
         points: Grains between the sides of the lattice [m], shape ``(n, 2)``.
-        lattice: Where their images are; at most half of its span is within reach.
+        lattice: Where their images are. If more than half of its span is within reach, a pair is
+            found once for each image that is near, and a grain with its own.
         reach: The distance.
     """
     which, shift = lattice.images(points, np.full(len(points), reach))
