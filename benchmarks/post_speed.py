@@ -50,6 +50,7 @@ COMMANDS: list[tuple[list[str], float]] = [
         "coordination",
         "stress",
         "kinetic-stress",
+        "d2min",
     )
 ] + [
     (["theta-eta", "--wall", "top"], 10.0),
@@ -70,6 +71,8 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
     (["mixing", "--plot", "mixing.png"], 10.0),
     (["avalanches", "--of", "kinetic", "--plot", "drops.png"], 10.0),
+    (["structure", "--voronoi", "--frames", ":", "--plot", "cells.png"], 200.0),
+    (["correlation", "--frames", ":", "--plot", "correlation.png"], 200.0),
     (["energy", "--plot", "energy.png"], 10.0),
     (["compare", "DIR"], 10.0),
 ]

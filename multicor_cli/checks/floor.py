@@ -22,7 +22,7 @@ from multicor_cli.checks.subjects import Prepared, Recorded
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
-from multicor_cli.post.grain_map import placed_walls
+from multicor_cli.post.walls import placed_walls
 
 # ---- Whether grains can fall out of what holds them
 

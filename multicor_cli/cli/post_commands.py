@@ -380,15 +380,16 @@ def diffusion(
 
 _FACTOR = "Show the structure factor S(k) instead, which needs a cell; in the figure, beside g."
 HasFactor = Annotated[bool, option("--factor", _FACTOR)]
+_CELLS = "Show the radical cells instead: local solid fraction, neighbors, hexatic order."
+OfCells = Annotated[bool, option("--voronoi", _CELLS)]
 Farthest = Annotated[
     float | None,
-    option(
-        "--reach D", "Largest distance of g in mean diameters.", "10, or what the region allows"
-    ),
+    option("--reach D", "Largest distance in mean diameters.", "10, or what the region allows"),
 ]
-_EVEN = "Number of bins of g, or of shells of S."
+_EVEN = "Number of bins of g, of shells of S, or of local solid fractions from 0 to 1."
 EvenBins = Annotated[
-    int | None, option("--bins", _EVEN, "20 per mean diameter; shells of 0.2/d", min=1)
+    int | None,
+    option("--bins", _EVEN, "20 per mean diameter; shells of 0.2/d; 50 of fractions", min=1),
 ]
 _SIDES = "Leave out this many mean diameters at sides that are not periodic."
 SideMargin = Annotated[float | None, option("--margin D", _SIDES, "1")]
@@ -398,6 +399,7 @@ def structure(
     context: typer.Context,
     directory: RunPath,
     has_factor: HasFactor = False,
+    is_of_cells: OfCells = False,
     start: Start = None,
     end: End = None,
     frames: Frames = None,
@@ -406,16 +408,27 @@ def structure(
     margin: SideMargin = None,
 ) -> Shown:
     """Measure how the grains are arranged: the pair correlation function g(r), averaged over frames
-    with standard errors; with --factor the structure factor S(k) of a cell.
+    with standard errors; with --factor the structure factor S(k) of a cell, with --voronoi the
+    radical cells of the grains.
 
     g is the number of pairs at the distance r over that of an ideal gas in the same region: a cell,
     or the rectangle of the centers of the grains. Edges of the region are accounted for, but the
-    grains have to fill it evenly. S(k) is averaged over all waves that fit into the cell.
+    grains have to fill it evenly. S(k) is averaged over all waves that fit into the cell. The table
+    of radical cells holds means over grains and frames, CSV the distribution of the local solid
+    fraction, JSON and figure both.
     """
+    if is_of_cells and (has_factor or reach is not None):
+        raise typer.BadParameter(f"--voronoi excludes {'--factor' if has_factor else '--reach'}")
     from multicor_cli import post
 
     selection, drawn = selected(start, end, frames), None
     with store.open_run(directory) as run:
+        if is_of_cells:
+            cells = post.voronoi(run, selection, bins, margin=margin)
+            about = _counted(cells)
+            if cells.open_share:
+                about += f"; {100.0 * cells.open_share:.3g} % of all have open cells"
+            return Shown(cells, about, directory)
         if not has_factor:
             pairs = post.pair_correlation(run, selection, reach, bins, margin=margin)
             peak = f"largest g = {pairs.first_peak:.4g}"
@@ -430,9 +443,51 @@ def structure(
 
 
 def _about_grains(table: Any, more: str = "") -> str:
+    return "\n".join(filter(None, (_counted(table), more, table.note)))
+
+
+def _counted(table: Any) -> str:
     span = _span(table.frames.size, "frame", table.times)
-    grains = f"{table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
-    return "\n".join(filter(None, (f"{span}, {grains}", more, table.note)))
+    return (
+        f"{span}, {table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
+    )
+
+
+# ---- Command `post correlation`: over which distances grains move together
+
+_WIDE = "Number of bins of the distance."
+WideBins = Annotated[int | None, option("--bins", _WIDE, "5 per mean diameter", min=1)]
+
+
+def correlation(
+    directory: RunPath,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    reach: Farthest = None,
+    bins: WideBins = None,
+    margin: SideMargin = None,
+) -> Shown:
+    """Measure over which distances grains move together: the correlation C(r) of their velocities
+    beside the mean flow, of their components along x and across it, and of their spins.
+
+    C is the mean product of two grains at the distance r over the mean square of all, averaged over
+    frames with standard errors. The correlation length is where C falls below 1/e.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        found = post.correlation(run, selected(start, end, frames), reach, bins, margin=margin)
+    lengths = [
+        f"{with_error(getattr(found, name), getattr(found, f'error_{name}'))} d{of}"
+        for name, of in zip(
+            post.LENGTHS, ("", " along the flow", " across", " of spins"), strict=True
+        )
+        if math.isfinite(getattr(found, name))
+    ]
+    told = f"correlation length {', '.join(lengths)}" if lengths else "C stays above 1/e"
+    about = f"velocities beside the mean flow {found.fluctuation:.4g} m/s; {told}"
+    return Shown(found, _about_grains(found, about), directory, is_detailed=False)
 
 
 # ---- Commands `post mixing`, `post residence`, `post avalanches`: groups, stays, sudden drops
@@ -610,11 +665,11 @@ def fields(
     frames: Frames = None,
 ) -> Shown:
     """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate,
-    stress, temperature, fluctuations.
+    stress, temperature, fluctuations, inertial number, friction, fluidity.
 
     On a grid over the grains, on a polar grid (--center), on a line (--line), or over rings
-    (--center with --radial); these two have standard errors. CSV and JSON have every field at every
-    point.
+    (--center with --radial). CSV and JSON have every field at every point with its standard error,
+    the table of a grid the median of these over the values.
     """
     if is_radial and center is None:
         raise typer.BadParameter("--radial needs --center", param_hint="--radial")
@@ -848,6 +903,7 @@ COMMANDS = {
     "conductivity": shows_table(conductivity),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),
+    "correlation": shows_table(correlation),
     "mixing": shows_table(mixing),
     "residence": shows_table(residence),
     "avalanches": shows_table(avalanches),

@@ -99,7 +99,7 @@ def _find_stage(maps: Iterable[GrainMap | None], count: int) -> _Stage | None:
     last, most = None, max(_SAMPLE // count, 1000)
     for table in maps:
         if table is not None:
-            last, value = table, table.value
+            last, value = table, table.value[np.isfinite(table.value)]
             boxes.append(table.scene.box)
             if value.size > most:  # some of them, the smallest and the largest among them
                 some = value[:: -(-value.size // most)]

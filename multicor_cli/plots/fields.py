@@ -112,14 +112,15 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
 
 
 def _label(shown: list[Field]) -> str:
-    """The words that labels have in common, and their unit; of a single field its symbol too."""
+    """The words that labels have in common, or symbols, and their unit; of one field both."""
     first = shown[0]
     if len(shown) == 1:
         return axis_label(first.label, first.symbol, first.unit)
     words = " ".join(
         word for word in first.label.split() if all(word in field.label.split() for field in shown)
     )
-    return f"{words} [{unit_sign(first.unit)}]"
+    symbols = ", ".join(f"${field.symbol}$" for field in shown)
+    return f"{words or symbols} [{unit_sign(first.unit)}]"
 
 
 def fields_text(table: FieldTable, terminal: Terminal) -> str:

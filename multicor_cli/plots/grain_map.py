@@ -220,7 +220,7 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
     """Draw grains, walls and vectors in colors of ``norm``; returns the collection of grains."""
     # Where a color is the background's own, an outline keeps the grain visible.
     look: dict[str, Any] = {"cmap": _colors(table), "norm": norm}
-    if table.field.scale in ("centered", "logarithmic"):
+    if table.field.scale in ("centered", "logarithmic") or not np.isfinite(table.value).all():
         look |= {"edgecolors": "0.45", "linewidths": 0.2}
     discs = draw_discs(axes, table.scene, value=table.value, **look)
     discs.set_array(table.values_of_images())
@@ -231,16 +231,16 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
 
 
 def _colors(table: GrainMap) -> Any:
-    """Color map; on a logarithmic scale what is not positive is white, not the darkest color."""
+    """Color map; white is what has no value, and what is not positive on a logarithmic scale."""
     import matplotlib as mpl
 
     if table.names:
         from matplotlib.colors import ListedColormap
 
         return ListedColormap([COLORS[k % len(COLORS)] for k in range(len(table.names))])
-    colors = mpl.colormaps[color_map(table.field.colors)]
+    colors = mpl.colormaps[color_map(table.field.colors)].with_extremes(bad="white")
     is_logarithmic = table.field.scale == "logarithmic"
-    return colors.with_extremes(bad="white", under="white") if is_logarithmic else colors
+    return colors.with_extremes(under="white") if is_logarithmic else colors
 
 
 def count_beyond(table: GrainMap, norm: Any) -> str:
@@ -267,7 +267,7 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str, note: str = ""
         bar.ax.minorticks_off()
         bar.set_label(table.field.label)
     else:
-        if table.field.scale == "logarithmic":
+        if table.field.scale == "logarithmic" or not np.isfinite(table.value).all():
             note = note or "white: none"
         add_color_bar(axes, discs, table.scene, table.field, extend, note)
 
@@ -305,9 +305,10 @@ def color_scale(table: GrainMap, ends: Ends | None = None) -> tuple[Any, str]:
     colors, is_logarithmic = library("matplotlib.colors"), table.field.scale == "logarithmic"
     if count := len(table.names):
         return colors.BoundaryNorm([k - 0.5 for k in range(count + 1)], count), "neither"
-    low, high = ends or color_range(table.field, table.value, table.scene.radius.size)
+    known = table.value[np.isfinite(table.value)]
+    low, high = ends or color_range(table.field, known, table.scene.radius.size)
     norm = colors.LogNorm if is_logarithmic else colors.Normalize
-    return norm(low, high), beyond(table.value, low, high)
+    return norm(low, high), beyond(known, low, high) if known.size else "neither"
 
 
 def map_text(

@@ -435,8 +435,8 @@ _DRAWN_IN = {
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
     **dict.fromkeys(("avalanches", "residence"), "events"),
     **dict.fromkeys(("fabric", "chains", "chain_lengths", "clusters", "lifetimes"), "texture"),
+    **dict.fromkeys(("correlation", "structure_factor", "voronoi"), "structure"),
     "mobilization": "forces",
-    "structure_factor": "structure",
 }
 """Modules that draw tables of several others."""
 

@@ -16,6 +16,9 @@ from multicor_cli.post.compare import ProfilePair as ProfilePair
 from multicor_cli.post.compare import compare as compare
 from multicor_cli.post.conductivity import Conductivity as Conductivity
 from multicor_cli.post.conductivity import conductivity as conductivity
+from multicor_cli.post.correlation import LENGTHS as LENGTHS
+from multicor_cli.post.correlation import VelocityCorrelation as VelocityCorrelation
+from multicor_cli.post.correlation import correlation as correlation
 from multicor_cli.post.crossings import FlowTable as FlowTable
 from multicor_cli.post.crossings import flow_through as flow_through
 from multicor_cli.post.diffusion import Diffusion as Diffusion
@@ -74,3 +77,5 @@ from multicor_cli.post.table import Quantity as Quantity
 from multicor_cli.post.table import Table as Table
 from multicor_cli.post.theta_eta import ThetaTable as ThetaTable
 from multicor_cli.post.theta_eta import theta_eta as theta_eta
+from multicor_cli.post.voronoi import VoronoiTable as VoronoiTable
+from multicor_cli.post.voronoi import voronoi as voronoi

@@ -303,6 +303,11 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
     if has_stress:
         found.append(Field("pressure", "contact pressure", "p", "N/m"))
         found += tensor("stress", r"\sigma", "N/m", _ALL)
+        found += [
+            Field("friction", "friction", r"\mu", "1"),
+            Field("inertial-number", "inertial number", r"I_\rho", "1"),
+            Field("fluidity", "fluidity", "g", "1/s"),
+        ]
     return found
 
 
@@ -363,12 +368,17 @@ def _of_grains(
     return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow]
 
 
-def derive(sums: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]:
+def derive(sums: Floats, names: tuple[str, ...], axes: str, diameter: float) -> dict[str, Floats]:
     """The fields, by name, from mean densities ``(…, q)``; nan where nothing is near.
 
     Velocity is momentum over mass (spin likewise), gradients those of the mean velocity, (∂_b p_a −
     v_a ∂_b m)/m. Granular temperature is half the trace of the kinetic stress over the mass. The
-    shear rate is √((ε_aa − ε_bb)² + 4 ε_ab²): |γ̇| in simple shear.
+    shear rate is √((ε_aa − ε_bb)² + 4 ε_ab²): |γ̇| in simple shear. Of the stresses of contacts and
+    of fluctuations together, P is half the trace and τ half the difference of the principal ones of
+    the symmetric part. So friction is μ = τ/P, the inertial number I = |γ̇| d̄/√(P/ρ) with the mean
+    ``diameter`` [m] and the mass ρ of the grains per area that they cover (GDR MiDi, Eur. Phys. J.
+    E 14, 341, 2004), the fluidity g = |γ̇|/μ (Kamrin & Koval, Phys. Rev. Lett. 108, 178301, 2012);
+    they are nan where P is not above 0.
     """
     s = dict(zip(names, np.moveaxis(sums, -1, 0), strict=True))
     a, b = axes[0], axes[1]
@@ -401,10 +411,28 @@ def derive(sums: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]
     if "s00" in s:
         found["pressure"] = 0.5 * (s["s00"] + s["s11"])
         found |= {f"stress-{axes[i]}{axes[j]}": s[f"s{i}{j}"] for i in (0, 1) for j in (0, 1)}
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found |= _rheology(s, kinetic, found["shear-rate"], diameter)
     is_empty = ~(m > 0.0)
     return {
         name: np.where(is_empty & (name != "solid-fraction"), np.nan, values)
         for name, values in found.items()
+    }
+
+
+def _rheology(
+    s: dict[str, Floats], kinetic: dict[tuple[int, int], Floats], rate: Floats, diameter: float
+) -> dict[str, Floats]:
+    """Friction, inertial number and fluidity; see `derive`."""
+    xx, yy = (s[f"s{i}{i}"] + kinetic[i, i] for i in (0, 1))
+    xy = 0.5 * (s["s01"] + s["s10"]) + kinetic[0, 1]
+    pressure = 0.5 * (xx + yy)
+    pressure = np.where(pressure > 0.0, pressure, np.nan)
+    friction = np.hypot(0.5 * (xx - yy), xy) / pressure
+    return {
+        "friction": friction,
+        "inertial-number": rate * diameter * np.sqrt(s["mass"] / s["area"] / pressure),
+        "fluidity": np.where(friction > 0.0, rate / friction, np.nan),
     }
 
 

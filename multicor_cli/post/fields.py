@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ Center = tuple[float, float]
 _LEAST_REACH = 0.01
 """Least reach of the kernel in mean diameters: what reaches no farther meets hardly a grain."""
 
+_MEMORY = 256_000_000  # bytes that the densities of blocks of frames may take
+_FEWEST_AND_MOST = (8, 64)  # such blocks
+_AT_ONCE = 4096  # points whose errors are made together
+
 
 class FieldTable(Table):
     """Fields averaged over frames at ``p`` places: a grid (in JSON rows of columns), line or rings.
@@ -39,7 +43,9 @@ class FieldTable(Table):
         fields: All fields.
         points: Where.
         values: Every field by name, nan where no grain is near, shape ``(p,)``.
-        error: Standard errors along a line or of rings, by name, shape ``(p,)``; empty of grids.
+        error: Standard errors by name, shape ``(p,)``. Of grids they are made of 32 to 64 sums over
+            consecutive frames if there are more, of fewer if there are so many points that these
+            would fill the memory.
         reach: How far the kernel reaches [m].
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
@@ -102,18 +108,20 @@ def fields(
     default = ["solid-fraction"] if points.is_grid else [f"velocity-{axis}" for axis in points.axes]
     wanted = _wanted(of or default, known, is_grid=points.is_grid)
     times = np.asarray(source.frames.time)[chosen]
-    total = np.zeros((len(points.coordinates), len(names)))
-    rows: list[Floats] = []  # of a grid they would fill the memory
+    blocks = Blocks(_most_rows(len(points.coordinates) * len(names)) if points.is_grid else None)
     coarse = None
     for frame in frames_of(source, chosen):
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
             coarse = field_sums.CoarseGrid(points.at, reach * diameter, lattice)
         sums = field_sums.frame_sums(source, frame, points, coarse, has_stress=has_stress)
-        total += sums
-        rows += [] if points.is_grid else [sums]
-    values = field_sums.derive(total / chosen.size, names, points.axes)
-    error = _errors(np.array(rows), values, times, names, points.axes) if rows else {}
+        blocks.add(sums)
+
+    def derive(sums: Floats) -> dict[str, Floats]:
+        return field_sums.derive(sums, names, points.axes, diameter)
+
+    values = derive(blocks.total / chosen.size)
+    error = _errors(blocks, derive, times, [field.name for field in known])
     coordinates = [
         Column(*split_unit(name), points.coordinates[:, k]) for k, name in enumerate(points.names)
     ]
@@ -125,13 +133,10 @@ def fields(
         **{column.name: column.values for column in coordinates},
         "values": {name: column.reshape(points.shape) for name, column in values.items()},
     }  # fmt: skip
-    if error:
-        facts["standard_error"] = error
+    facts["standard_error"] = {name: each.reshape(points.shape) for name, each in error.items()}
     details = [*coordinates, *(Column(f.name, f.unit, values[f.name]) for f in known)]
     details += [
-        Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}")
-        for f in known
-        if f.name in error
+        Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}") for f in known
     ]
     if points.is_grid:  # a row for each field
         labels = [with_unit(field.label, field.unit) for field in known]
@@ -140,6 +145,8 @@ def fields(
         for name, of_all in (("mean", np.mean), ("smallest", np.min), ("largest", np.max)):
             found = [float(of_all(value)) if value.size else np.nan for value in there]
             columns.append(Column(name, "", found, key=""))
+        uncertain = [_median_ratio(error[f.name], values[f.name]) for f in known]
+        columns.append(Column("relative", "", uncertain, "relative error", ""))
     else:  # a row for each place
         columns = [coordinates[0]._replace(key="")]
         for f in wanted:
@@ -244,12 +251,64 @@ def _beyond(
     )
 
 
+class Blocks:
+    """Rows added up in blocks of as many consecutive ones as leave no more than ``most`` sums.
+
+    Attributes:
+        rows: Sums of the blocks that are full, each of the shape of a row.
+        size: How many rows each of them has.
+        total: Sum of all rows, those of a last block that is not full too.
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        """All rows are kept if ``most``, an even number, is None."""
+        self.rows: list[Floats] = []
+        self.size, self._most, self._count = 1, most, 0
+        self.total, self._partial = np.zeros(()), np.zeros(())
+
+    def add(self, row: Floats) -> None:
+        """Add a row."""
+        if not self._count % self.size and len(self.rows) == self._most:
+            self.rows = [
+                first + second for first, second in zip(*[iter(self.rows)] * 2, strict=True)
+            ]
+            self.size *= 2
+        self._partial, self.total = self._partial + row, self.total + row
+        self._count += 1
+        if not self._count % self.size:
+            self.rows.append(self._partial)
+            self._partial = np.zeros(())
+
+
+def _most_rows(numbers: int) -> int:
+    """How many rows of so many numbers may be kept: an even number."""
+    return int(np.clip(_MEMORY // (8 * numbers), *_FEWEST_AND_MOST)) // 2 * 2
+
+
 def _errors(
-    rows: Floats, values: dict[str, Floats], times: Floats, names: tuple[str, ...], axes: str
+    blocks: Blocks,
+    derive: Callable[[Floats], dict[str, Floats]],
+    times: Floats,
+    names: Sequence[str],
 ) -> dict[str, Floats]:
-    """Standard errors of every field from what each frame adds to it."""
-    if len(rows) < 2:
-        return {name: np.full(value.shape, np.nan) for name, value in values.items()}
-    without = field_sums.derive((rows.sum(axis=0) - rows) / (len(rows) - 1), names, axes)
-    pseudo = {name: pseudo_values(value, without[name]) for name, value in values.items()}
-    return {name: spread(each, times).error for name, each in pseudo.items()}
+    """Standard errors of every field from what each block of frames adds to it."""
+    count, size = len(blocks.rows), blocks.size
+    places = len(blocks.total)
+    error = {name: np.full(places, np.nan) for name in names}
+    if count < 2:
+        return error
+    at = times[: count * size].reshape(count, size).mean(axis=1)
+    for first in range(0, places, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        rows = np.array([row[part] for row in blocks.rows])
+        whole = rows.sum(axis=0)
+        values = derive(whole / (count * size))
+        without = derive((whole - rows) / ((count - 1) * size))
+        for name in names:
+            error[name][part] = spread(pseudo_values(values[name], without[name]), at).error
+    return error
+
+
+def _median_ratio(error: Floats, value: Floats) -> float:
+    known = np.isfinite(error) & (value != 0.0)
+    return float(np.median(error[known] / np.abs(value[known]))) if known.any() else np.nan

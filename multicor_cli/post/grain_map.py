@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from multicor_cli.model import Model
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.model import Floats
-from multicor_cli.model.shapes import Outline, outlines
+from multicor_cli.model.shapes import Outline
 from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
 from multicor_cli.post.source import Frame, PostError, Run, frame_index, model_of, need_grains
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
+from multicor_cli.post.walls import placed_walls
 from multicor_cli.text import choices
 
 # ---- The grains and walls of a frame as shapes that can be drawn
@@ -71,26 +70,6 @@ def make_scene(source: Run, frame: Frame) -> GrainScene:
         if model.period > 0.0:
             box[:, 0] = 0.0, model.period
     return GrainScene(center, radius, walls, lattice, box)
-
-
-def placed_walls(
-    model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
-) -> Iterator[tuple[NDArray[np.int64], Outline]]:
-    """Which shapes of the walls asked for, with outlines at ``pose`` [m, rad], kind by kind."""
-    shapes, asked = model.shapes, np.arange(model.shape_count)
-    if is_asked is not None:
-        asked = np.flatnonzero(is_asked[shapes.wall])
-    for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
-        own = pose[shapes.wall[asked[which]]]
-        points = _turned(outline.points, own[:, np.newaxis, 2]) + own[:, np.newaxis, :2]
-        normal = None if outline.normal is None else _turned(outline.normal, own[:, 2])
-        yield asked[which], replace(outline, points=points, normal=normal)
-
-
-def _turned(vectors: Floats, angle: Floats) -> Floats:
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Floats:
@@ -199,6 +178,7 @@ def _statistics(field: GrainQuantity, value: Floats, names: tuple[str, ...]) -> 
     if names:
         counts = [float((value == k).sum()) for k in range(len(names))]
         return Column("kind", "", names, field.label, ""), Column("grains", "", counts, key="")
+    value = value[np.isfinite(value)]  # some grains may have none
     if not value.size:
         return values_of_quantities([("grains", 0.0)])
     quantiles = np.quantile(value, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()

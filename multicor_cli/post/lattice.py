@@ -76,21 +76,30 @@ class Lattice(NamedTuple):
             across, upwards = np.hypot(1.0, self.slant) * reach, reach
         else:
             across, upwards = np.abs(reach[:, X] - self.slant * reach[:, Y]), np.abs(reach[:, Y])
-        x = points[:, X] - self.slant * points[:, Y]
-        beside = {-1: x + across > self.width, 1: x - across < 0.0}
-        above = {}
-        if self.height > 0.0:
-            y = points[:, Y]
-            above = {-1: y + upwards > self.height, 1: y - upwards < 0.0}
-        everywhere = np.ones(len(points), np.bool_)
-        for up, is_above in ({0: everywhere} | above).items():
-            for right, is_beside in ({0: everywhere} | beside).items():
+        x, y = points[:, X] - self.slant * points[:, Y], points[:, Y]
+        beside = _reaching(x, across, self.width)
+        above = _reaching(y, upwards, self.height)
+        for up, is_above in above.items():
+            for right, is_beside in beside.items():
                 if right or up:
                     found = np.flatnonzero(is_above & is_beside)
                     way = (right * self.width + up * self.tilt, up * self.height)
                     which.append(found)
                     shift.append(np.tile(way, (found.size, 1)))
         return np.concatenate(which), np.concatenate(shift)
+
+
+def _reaching(at: Floats, reach: Floats, period: float) -> dict[int, NDArray[np.bool_]]:
+    """Which things at 0 … ``period`` reach inside by images so many periods away, the thing first.
+
+    With the period 0 there are no images.
+    """
+    found = {0: np.ones(len(at), np.bool_)}
+    farthest = float(np.max(reach, initial=0.0)) / period if period > 0.0 else 0.0
+    for step in range(1, int(np.ceil(farthest)) + 1):
+        found[-step] = at + reach > step * period
+        found[step] = at - reach < (1 - step) * period
+    return found
 
 
 def lattice_of(model: Model, frame: Frame) -> Lattice:

@@ -25,6 +25,7 @@ from multicor_cli.post.source import (
     frames_told,
     model_of,
     of_groups,
+    with_frames_before,
 )
 from multicor_cli.post.sums import (
     Sums,
@@ -274,11 +275,15 @@ def profiles(
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
     kind = fields[0].kind
-    part = of_groups(source, groups) if groups else source
     if any(field.needs_contacts for field in fields):
         chosen = with_forces(source, chosen)
+    part, counted = source, chosen
+    if any(field.since_before for field in fields):
+        part, counted = with_frames_before(source, chosen)
+    if groups:
+        part = of_groups(part, groups)
     for field in fields:
-        if field.averaged is not None:
+        if field.averaged is not None and field.needs_heat:
             first = source.frames[int(chosen[0])]
             # a run without heat is refused before anything else
             field.averaged(first, model_of(source, first))
@@ -299,7 +304,7 @@ def profiles(
         if kind == "rate":
             sums = sum_rates(part, chosen, bins_, values)
         else:
-            sums = sum_grains(part, chosen, bins_, values, kind)
+            sums = sum_grains(part, counted, bins_, values, kind)
     tables = [
         _make_table(source, *pair, chosen, bins_, tuple(groups))
         for pair in zip(fields, sums, strict=True)
@@ -381,8 +386,9 @@ def _values_of(
         assert averaged is not None
 
         def of_grains(frame: Frame) -> Floats:
-            # Contacts with grains of other groups count too
-            if field.needs_contacts and isinstance(frame, FrameOfGroups):
+            # Contacts with grains of other groups count too, and these as neighbors
+            is_about_others = field.needs_contacts or field.of_others
+            if is_about_others and isinstance(frame, FrameOfGroups):
                 return of_grains(frame.whole)[frame.rows]
             moving: Any = frame
             if flow is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
+from multicor_cli.post.nonaffine import d2min
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -21,6 +22,7 @@ from multicor_cli.post.source import (
     need_same_grains,
 )
 from multicor_cli.post.table import Quantity
+from multicor_cli.post.tessellation import Cells, cells_of
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.
@@ -76,6 +78,8 @@ class GrainQuantity(Quantity):
         names_of: Names that the values 0, 1, … stand for, where they are no amounts.
         of_velocity: Values of velocities, ``(n, 2)``, where they follow from them alone: those of
             images in a cell.
+        of_others: Whether the value of a grain is about others, too, of whatever group.
+        since_before: Whether ``averaged`` wants a `FrameSince`: what happens between two frames.
     """
 
     of_grain: Callable[[Run, int], Floats] | None = None
@@ -92,6 +96,8 @@ class GrainQuantity(Quantity):
     per_area: tuple[str, str] | None = None
     names_of: Callable[[Model], tuple[str, ...]] | None = None
     of_velocity: Callable[[Floats], Floats] | None = None
+    of_others: bool = False
+    since_before: bool = False
 
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
@@ -103,7 +109,7 @@ class GrainQuantity(Quantity):
 def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
     """Smallest and largest value with a color of its own, of finite values of so many grains."""
     if not values.size:
-        return 0.0, 1.0
+        return (_DECADES if quantity.scale == "logarithmic" else 0.0), 1.0
     low, high = float(values.min()), float(values.max())
     if quantity.scale == "logarithmic":
         high = high if high > 0.0 else 1.0
@@ -177,6 +183,31 @@ def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int]
         return np.asarray(values(contacts), np.float64)
 
     return of_grain
+
+
+def _of_cells(values: Callable[[Cells, Model], Any]) -> dict[str, Any]:
+    """What a map shows and a profile averages of radical cells; open ones have no value."""
+
+    def averaged(frame: Frame, model: Model) -> Floats:
+        return np.asarray(values(cells_of(model, frame), model), np.float64)
+
+    def of_grain(source: Run, frame: int) -> Floats:
+        return averaged(source.frames[frame], model_of(source, source.frames[frame]))
+
+    return {"of_grain": of_grain, "averaged": averaged, "kind": "number", "of_others": True}
+
+
+def _since_before(frame: Any, model: Model) -> Floats:  # a FrameSince
+    return d2min(model, frame.before, frame.frame)
+
+
+def _d2min(source: Run, frame: int) -> Floats:
+    if frame == 0:
+        raise PostError(
+            "the map of d2min shows what has moved since the frame before; frame 0 has none"
+        )
+    there = source.frames[frame]
+    return d2min(model_of(source, there), source.frames[frame - 1], there)
 
 
 def _stress(a: int, b: int) -> GrainQuantity:
@@ -266,6 +297,13 @@ QUANTITIES: dict[str, GrainQuantity] = {
             _of_contacts(lambda contacts: contacts.largest),
             scale="from zero",
         ),
+        GrainQuantity("local-solid-fraction", "local solid fraction", r"\nu_i", "1", **_of_cells(
+            lambda cells, model: np.pi * model.grains.radius**2 / cells.area)),
+        GrainQuantity("hexatic", "hexatic order", r"|\psi_6|", "1", colors="cividis",
+            scale="from zero", **_of_cells(lambda cells, _model: np.abs(cells.order()))),
+        GrainQuantity("d2min", "non-affine motion", r"D^2_\mathrm{min}", "m2", _d2min, "magma",
+            "logarithmic", averaged=_since_before, kind="number", of_others=True,
+            since_before=True),
         GrainQuantity("group", "group", "", "1", _kinds("group"),
             names_of=lambda model: model.groups),
         GrainQuantity("material", "material", "", "1", _kinds("material"),
@@ -293,7 +331,10 @@ selected frames at the height of the grain (`multicor_cli.post.flow.MeanFlow`). 
 that carry a normal force (tension is negative); Z is their number at each grain, those with walls
 included, averaged over all grains, rattlers included. Stresses are forces per length, compression
 positive: σ_ab is the flux of the momentum along a through a line across b, so a flow in which the
-upper layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
+upper layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress. The
+local solid fraction is the area of a grain over that of its radical cell, hexatic order the modulus
+of ψ₆ of its neighbors there (`multicor_cli.post.tessellation.Cells`), and d2min the motion beside
+that of the neighborhood from a frame to the next (`multicor_cli.post.nonaffine.d2min`).
 """
 
 PROFILED: dict[str, GrainQuantity] = {

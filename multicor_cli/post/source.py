@@ -88,6 +88,44 @@ def frame_index(frames: Frames, frame: int) -> int:
         raise PostError(str(error)) from None
 
 
+@dataclass(frozen=True)
+class FrameSince:
+    """A frame with one before it, for what happens between both."""
+
+    frame: Frame
+    before: Frame
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.frame, name)
+
+
+@dataclass(frozen=True)
+class _FramesSince:
+    frames: Frames
+    before: dict[int, int]
+
+    def __getattr__(self, name: str) -> Any:  # the times, for one
+        return getattr(self.frames, name)
+
+    def __getitem__(self, index: int) -> Any:
+        return FrameSince(self.frames[index], self.frames[self.before[index]])
+
+
+def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDArray[np.int64]]:
+    """The run with all frames of ``chosen`` but the first as `FrameSince`, and which these are.
+
+    Raises `PostError` if only one is chosen.
+    """
+    if chosen.size < 2:
+        raise PostError(
+            "what moves from frame to frame needs two frames; only one is selected: choose more "
+            "with --from or --frames"
+        )
+    before = dict(zip(chosen[1:].tolist(), chosen.tolist(), strict=False))
+    frames = _FramesSince(source.frames, before)
+    return cast("Run", SimpleNamespace(model=source.model, frames=frames)), chosen[1:]
+
+
 _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060000000000000005
 
 

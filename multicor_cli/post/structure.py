@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.model.columns import X, Y
+from multicor_cli.model import Model
+from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.lattice import Lattice, lattice_of
+from multicor_cli.post.pairs import near_pairs
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -29,8 +32,6 @@ MARGIN = 1.0
 """Mean diameters left out at sides that are not periodic, unless told otherwise."""
 
 _WIDTH = 0.05  # of a bin, in mean diameters
-_STRIPS = 4  # in which grains are sorted, per reach
-_CHUNK = 8192  # pairs at a time that stay in the cache
 
 
 class PairCorrelation(Table):
@@ -92,21 +93,16 @@ def pair_correlation(
             negative, leaves nothing, or is given for a cell.
         StoreError: If the run cannot be read.
     """
-    is_cell, diameter = source.model.is_cell, source.model.mean_diameter
-    if margin is not None and is_cell:
-        raise PostError("a cell that is periodic in x and y has no sides: leave out --margin")
-    if margin is not None and not margin >= 0.0:
-        raise PostError(f"the margin {margin:g} must not be negative")
-    edge = 0.0 if is_cell else MARGIN if margin is None else margin
+    diameter, edge = source.model.mean_diameter, margin_of(source.model, margin)
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
 
     def region(frame: Frame) -> Region:
         points = np.asarray(frame.position, np.float64)[:, :2]
-        return _region(lattice_of(source.model, frame).reduced, points, edge * diameter)
+        return region_of(lattice_of(source.model, frame).reduced, points, edge * diameter)
 
     limit = min(region(frame).limit for frame in frames_of(source, chosen)) / diameter
-    count, width = _make_bins(limit, reach, bins)
+    count, width = distance_bins(limit, reach, bins, _WIDTH)
     distance, step = width * np.arange(1.0, count + 1.0), width * diameter
     found: list[Floats] = []
     ideal: list[Floats] = []
@@ -146,12 +142,14 @@ class Region(NamedTuple):
         lattice: Where their images are.
         sides: Width and height [m].
         is_open: Whether pairs end at the sides to the left and right, and at those above and below.
+        which: Numbers of the grains in the frame, shape ``(n,)``.
     """
 
     points: Floats
     lattice: Lattice
     sides: tuple[float, float]
     is_open: tuple[bool, bool]
+    which: NDArray[np.int64]
 
     @property
     def limit(self) -> float:
@@ -168,27 +166,46 @@ class Region(NamedTuple):
         return np.asarray(0.5 * n * (n - 1.0) / area**2 * np.diff(within))
 
 
-def _region(lattice: Lattice, points: Floats, margin: float) -> Region:
+def margin_of(model: Model, margin: float | None) -> float:
+    """What is left out at sides that are not periodic, in mean diameters; see `pair_correlation`.
+
+    Raises `PostError` of a negative margin, or of one in a cell.
+    """
+    if margin is not None and model.is_cell:
+        raise PostError("a cell that is periodic in x and y has no sides: leave out --margin")
+    if margin is not None and not margin >= 0.0:
+        raise PostError(f"the margin {margin:g} must not be negative")
+    return 0.0 if model.is_cell else MARGIN if margin is None else margin
+
+
+def region_of(lattice: Lattice, points: Floats, margin: float) -> Region:
     """The region of the grains at ``points`` [m], without ``margin`` [m] at open sides."""
     points = lattice.wrapped(points)
     if lattice.height > 0.0:
-        return Region(points, lattice, (lattice.width, lattice.height), (False, False))
+        sides = lattice.width, lattice.height
+        return Region(points, lattice, sides, (False, False), np.arange(len(points)))
     low, high = points.min(axis=0) + margin, points.max(axis=0) - margin
     if lattice.width > 0.0:
         low[X], high[X] = 0.0, lattice.width
     a, b = np.maximum(high - low, 0.0).tolist()
-    inside = ((points >= low) & (points <= high)).all(axis=1)
-    return Region(points[inside], lattice, (a, b), (lattice.width <= 0.0, True))
+    inside = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    return Region(points[inside], lattice, (a, b), (lattice.width <= 0.0, True), inside)
 
 
-def _make_bins(limit: float, reach: float | None, bins: int | None) -> tuple[int, float]:
-    """Number and width of bins whose last one ends below ``limit``; all in mean diameters."""
+def distance_bins(
+    limit: float, reach: float | None, bins: int | None, wide: float
+) -> tuple[int, float]:
+    """Number and width of bins whose last one ends below ``limit``; all in mean diameters.
+
+    They are about ``wide`` and go to `REACH` unless told otherwise. Raises `PostError` of what does
+    not fit.
+    """
     if bins is not None and not 1 <= bins <= BIN_LIMIT:
         raise PostError(f"{bins} bins: choose between 1 and {BIN_LIMIT}")
     if reach is None:
         if bins is None:
-            bins = int(min(REACH / _WIDTH, limit / _WIDTH - 0.5))
-            reach = bins * _WIDTH
+            bins = int(min(REACH / wide, limit / wide - 0.5))
+            reach = bins * wide
         else:
             reach = min(REACH, limit / (1.0 + 0.5 / bins))
         if reach < 1.0:
@@ -200,7 +217,7 @@ def _make_bins(limit: float, reach: float | None, bins: int | None) -> tuple[int
         return bins, reach / bins
     if not 0.0 < reach < np.inf:
         raise PostError(f"the largest distance {reach:g} must be positive")
-    count = bins or min(max(round(reach / _WIDTH), 1), BIN_LIMIT)
+    count = bins or min(max(round(reach / wide), 1), BIN_LIMIT)
     if reach * (1.0 + 0.5 / count) > limit * (1.0 + 1e-9):
         raise PostError(
             f"--reach {reach:g} is too far: the last bin ends at half of the least height of the "
@@ -210,33 +227,8 @@ def _make_bins(limit: float, reach: float | None, bins: int | None) -> tuple[int
 
 
 def _count_pairs(region: Region, width: float, count: int) -> Floats:
-    """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``.
-
-    Images are sorted along x in strips: of each strip near a grain, those are looked at whose x is
-    near enough. A pair is found from its lower grain; of two at one height from the left one.
-    """
-    points, reach = region.points, (count + 0.5) * width
-    which, shift = region.lattice.images(points, np.full(len(points), reach))
-    images, tall = points[which] + shift, reach / _STRIPS
-    low, apart = images.min(axis=0), float(np.ptp(images[:, X])) + 3.0 * reach
-    row, along = np.floor((points[:, Y] - low[Y]) / tall), points[:, X] - low[X]
-    key = np.floor((images[:, Y] - low[Y]) / tall) * apart + images[:, X] - low[X]
-    order = np.argsort(key)
-    key, (x, y), (x_image, y_image) = key[order], points.T.copy(), images[order].T.copy()
+    """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``."""
     pairs = np.zeros(count, np.int64)
-    for step in range(_STRIPS + 1):
-        near = np.sqrt(reach**2 - (max(step - 1, 0) * tall) ** 2)
-        middle = (row + step) * apart + along
-        first = np.searchsorted(key, middle - near)
-        number = np.searchsorted(key, middle + near) - first
-        for part in np.array_split(np.arange(len(points)), number.sum() // _CHUNK + 1):
-            own = number[part]
-            i = np.repeat(part, own)
-            j = np.repeat(first[part] - (np.cumsum(own) - own), own) + np.arange(i.size)
-            across, upwards = x_image[j] - x[i], y_image[j] - y[i]
-            if step == 0:
-                is_above = (upwards > 0.0) | ((upwards == 0.0) & (across > 0.0))
-                across, upwards = across[is_above], upwards[is_above]
-            bin_ = (np.sqrt(across**2 + upwards**2) / width + 0.5).astype(np.int64)
-            pairs += np.bincount(bin_, minlength=count + 1)[1 : count + 1]
+    for near in near_pairs(region.points, region.lattice, (count + 0.5) * width):
+        pairs += np.bincount(near.bins(width), minlength=count + 1)[1 : count + 1]
     return pairs.astype(np.float64)

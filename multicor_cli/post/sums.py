@@ -32,6 +32,7 @@ FEW_ROWS = 16
 SURE = 3.0
 """Standard errors from which on a drift is none of chance."""
 
+_AT_ONCE = 4096  # columns whose errors are made together
 _LEAST_INDEPENDENT = 2.0  # rows that count as independent, for a mean; a slope needs twice as many
 
 
@@ -100,11 +101,18 @@ def spread(rows: Floats, times: Floats | None = None) -> Spread:
         times: Their times; default: evenly spaced, shape ``(r,)``.
     """
     at = np.arange(len(rows), dtype=np.float64) if times is None else np.asarray(times, np.float64)
-    columns = rows.reshape(len(rows), math.prod(rows.shape[1:])).T
-    found = np.array([_spread_column(column, at) for column in columns]).reshape(
-        -1, len(Spread._fields)
-    )
-    return Spread(*(column.reshape(rows.shape[1:]) for column in found.T))
+    columns = np.asarray(rows, np.float64).reshape(len(rows), math.prod(rows.shape[1:]))
+    known = np.isfinite(columns)
+    number = known.sum(axis=0)
+    found = np.full((len(Spread._fields), number.size), np.nan)
+    found[-1] = number
+    if len(rows) > 1:
+        complete = np.flatnonzero(number == len(rows))
+        for part in np.array_split(complete, complete.size // _AT_ONCE + 1):
+            found[:-1, part] = _spread(columns[:, part], at)
+    for k in np.flatnonzero((number > 1) & (number < len(rows))).tolist():
+        found[:-1, [k]] = _spread(columns[known[:, k]][:, [k]], at[known[:, k]])
+    return Spread(*(column.reshape(rows.shape[1:]) for column in found))
 
 
 def scatter(rows: Floats) -> Floats:
@@ -132,44 +140,58 @@ def pseudo_values(total: Floats, without: Floats) -> Floats:
     return np.asarray(np.where(np.isfinite(values).all(axis=0), values, np.nan))
 
 
-def _spread_column(values: Floats, times: Floats) -> tuple[float, float, float, float, float]:
-    known = np.isfinite(values)
-    x, t = values[known], times[known]
-    if x.size < 2:
-        return math.nan, math.nan, math.nan, math.nan, x.size
-    x_away, t_away = x - x.mean(), (t - t.mean()) / (t[-1] - t[0])
-    drift = float(t_away @ x_away / (t_away @ t_away))
-    # Means of what is constant, and pseudo-values of it, differ by rounding alone.
-    if np.abs(x_away).max() <= 8.0 * x.size * np.finfo(float).eps * np.abs(x).max():
-        return 0.0, 0.0, 0.0, 1.0, x.size
+def of_sums(
+    derive: Callable[[Floats], Floats], rows: Floats, times: Floats | None = None
+) -> tuple[Floats, Spread]:
+    """Quantities that ``derive`` makes of the sums of all rows, and the spread of what each adds.
+
+    Args:
+        derive: Makes quantities ``(…, b)`` of sums ``(…, q)``; what is 0/0 has no value.
+        rows: Sums of each row, shape ``(r, q)``.
+        times: Their times, as `spread`.
+    """
+    whole = rows.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        value, without = derive(whole), derive(whole - rows)
+    return value, spread(pseudo_values(value, without), times)
+
+
+def _spread(x: Floats, times: Floats) -> Floats:
+    """Errors, drifts, errors of these and memory of columns ``(n, c)`` with n > 1: ``(4, c)``."""
+    n, t_away = len(x), ((times - times.mean()) / (times[-1] - times[0]))[:, np.newaxis]
+    square = float((t_away**2).sum())
+    x_away = x - x.mean(axis=0)
+    drift = (t_away * x_away).sum(axis=0) / square
     memory = _inefficiency(x_away)
-    error = _error(x_away, memory, 1.0)
     rest = x_away - drift * t_away
-    drift_error = _error(rest, _inefficiency(rest), 2.0) / math.sqrt(
-        float(t_away @ t_away) / x.size
-    )
-    return error, drift, drift_error, memory, x.size
+    drift_error = _error(rest, _inefficiency(rest), 2.0) / math.sqrt(square / n)
+    found = np.stack([_error(x_away, memory, 1.0), drift, drift_error, memory])
+    # Means of what is constant, and pseudo-values of it, differ by rounding alone.
+    rounding = 8.0 * n * np.finfo(float).eps * np.abs(x).max(axis=0)
+    constant = np.array([0.0, 0.0, 0.0, 1.0])[:, np.newaxis]
+    return np.where(np.abs(x_away).max(axis=0) <= rounding, constant, found)
 
 
-def _error(away: Floats, memory: float, parameters: float) -> float:
+def _error(away: Floats, memory: Floats, parameters: float) -> Floats:
     """√(s² g/(n − p g)) with p fitted parameters; nan if fewer than 2p rows are independent."""
-    if away.size < _LEAST_INDEPENDENT * parameters * memory:
-        return math.nan
-    return math.sqrt(float(away @ away) / away.size * memory / (away.size - parameters * memory))
+    n = len(away)
+    is_known = n >= _LEAST_INDEPENDENT * parameters * memory
+    left = np.where(is_known, n - parameters * memory, np.nan)
+    return np.asarray(np.sqrt((away**2).sum(axis=0) / n * memory / left))
 
 
-def _inefficiency(away: Floats) -> float:
-    """Statistical inefficiency of deviations from the mean; see `spread`."""
-    n = away.size
-    power = float(away @ away)
-    if power == 0.0:
-        return 1.0
-    transform = np.fft.rfft(away, 2 * n)
-    correlation = np.fft.irfft(np.abs(transform) ** 2)[: 2 * (n // 2)] / power
-    pairs = np.minimum.accumulate(correlation[::2] + correlation[1::2])
-    first = float(correlation[1])
-    phi = min(first + (1.0 + 3.0 * first) / n, 1.0 - 1.0 / n**2)
-    return max(2.0 * float(pairs[pairs > 0.0].sum()) - 1.0, (1.0 + phi) / (1.0 - phi), 1.0)
+def _inefficiency(away: Floats) -> Floats:
+    """Statistical inefficiency of deviations from the mean ``(n, c)``; see `spread`."""
+    n, power = len(away), (away**2).sum(axis=0)
+    transform = np.fft.rfft(away, 2 * n, axis=0)
+    lags = np.fft.irfft(transform.real**2 + transform.imag**2, axis=0)[: 2 * (n // 2)]
+    correlation = lags / np.where(power > 0.0, power, 1.0)
+    pairs = np.minimum.accumulate(correlation[::2] + correlation[1::2], axis=0)
+    first = correlation[1]
+    phi = np.minimum(first + (1.0 + 3.0 * first) / n, 1.0 - 1.0 / n**2)
+    sequence = 2.0 * np.where(pairs > 0.0, pairs, 0.0).sum(axis=0) - 1.0
+    found = np.maximum(np.maximum(sequence, (1.0 + phi) / (1.0 - phi)), 1.0)
+    return np.where(power > 0.0, found, 1.0)
 
 
 # ---- Sums over grains, contacts, bins and frames
@@ -205,7 +227,8 @@ def sum_grains(
 ) -> list[Sums]:
     """For what grains have, see `multicor_cli.post.quantities.Kind`; a row per frame.
 
-    A result for each of ``values``. Grains count with their area in a bin, or the part of it.
+    A result for each of ``values``. Grains count with their area in a bin, or the part of it; those
+    without a value do not.
     """
 
     def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
@@ -214,11 +237,15 @@ def sum_grains(
         counting = shares.area
         if kind == "number":
             counting = shares.area * (1.0 / (np.pi * radius**2))[shares.grain]
+        found = [value(frame, shares) for value in values]
+        if not (known := np.isfinite(found).all(axis=0)).all():
+            counting = np.where(known, counting, 0.0)
+            found = [np.where(known, each, 0.0) for each in found]
         if kind == "share":
             weight = np.full(bins.count, place.width * plane_width(source, frame))
         else:
             weight = bins.total(shares, counting)
-        weighted = [bins.total(shares, counting * value(frame, shares)) for value in values]
+        weighted = [bins.total(shares, counting * each) for each in found]
         return weighted, weight, bins.total(shares, shares.area)
 
     return _gathered(map(row, frames_of(source, chosen)))
@@ -292,7 +319,11 @@ def average(sums: Sums) -> tuple[Floats, Floats]:
 
 def drift_note(sums: Sums) -> str:
     """A line on bins whose means drift, or have too few frames for good errors; empty for none."""
-    found = spread(row_values(sums))
+    return note_on_bins(spread(row_values(sums)))
+
+
+def note_on_bins(found: Spread) -> str:
+    """The same of the spread of the means of bins, shape ``(b,)``."""
     known = np.isfinite(found.drift)
     drifting, unsure = found.is_drifting & known, known & found.is_unsure & ~found.is_drifting
     told = []

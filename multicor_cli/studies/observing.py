@@ -23,6 +23,7 @@ from multicor_cli.post.clusters import QUANTITIES as OF_CLUSTERS
 from multicor_cli.post.clusters import clusters
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
+from multicor_cli.post.correlation import LENGTHS, correlation
 from multicor_cli.post.diffusion import diffusion
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.fabric import QUANTITIES as OF_FABRIC
@@ -43,6 +44,8 @@ from multicor_cli.post.structure import pair_correlation
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.post.table import TimeTable
 from multicor_cli.post.theta_eta import theta_eta
+from multicor_cli.post.voronoi import QUANTITIES as OF_CELLS
+from multicor_cli.post.voronoi import voronoi
 from multicor_cli.scenario.problems import KeyPath, Refused
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.stages import UntilStrain
@@ -131,10 +134,20 @@ def _lifetimes(run: Run, row: Observable, selection: Selection) -> Number:
 
 
 def _structure(run: Run, row: Observable, selection: Selection) -> Number:
+    if row.value in _OF_CELLS:
+        cells = voronoi(run, selection, row.bins)
+        return Number(cells.mean[row.value], cells.standard_error[row.value])
     found = pair_correlation(run, selection, bins=row.bins)
     if row.value == "first_peak":
         return Number(found.first_peak, found.first_peak_error)
     return Number(found.first_peak_distance)
+
+
+def _correlation(run: Run, row: Observable, selection: Selection) -> Number:
+    found, name = correlation(run, selection, bins=row.bins), str(row.value)
+    if name not in LENGTHS:
+        return Number(found.fluctuation)
+    return Number(getattr(found, name), getattr(found, f"error_{name}"))
 
 
 def _mixing(run: Run, row: Observable, selection: Selection) -> Number:
@@ -219,6 +232,7 @@ _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of 
 _OF_NETWORK = tuple(quantity.name for quantity in OF_CONDUCTIVITY)
 _OF_FLUX = tuple(quantity.name for quantity in FLUX_QUANTITIES)
 _OF_HEAT = (*_OF_NETWORK, *_OF_FLUX)
+_OF_CELLS = tuple(quantity.name for quantity in OF_CELLS)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
 SOURCES: dict[str, Source] = {
@@ -232,7 +246,8 @@ SOURCES: dict[str, Source] = {
     "clusters": Source(tuple(q.name for q in OF_CLUSTERS), _over_time(clusters)),
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
-    "structure": Source(("first_peak", "first_peak_distance"), _structure),
+    "structure": Source(("first_peak", "first_peak_distance", *_OF_CELLS), _structure),
+    "correlation": Source((*LENGTHS, "fluctuation"), _correlation),
     "mixing": Source(tuple(row.name for row in MIXING), _mixing),
     "residence": Source(("mean", "median"), _residence),
     "avalanches": Source(tuple(row.name for row in EVENTS), _avalanches),

@@ -165,8 +165,8 @@ class Observable(Table):
     post: (
         Literal[
             "rheology", "fabric", "lifetimes", "chains", "clusters", "conductivity", "diffusion",
-            "structure", "mixing", "residence", "avalanches", "region", "profile", "theta-eta",
-            "map", "forces", "energy"
+            "structure", "correlation", "mixing", "residence", "avalanches", "region", "profile",
+            "theta-eta", "map", "forces", "energy"
         ]
         | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip
@@ -184,7 +184,10 @@ class Observable(Table):
         None, description="where in a profile: height above the lower wall [m]; in theta-eta: η"
     )
     bins: int | None = Field(
-        None, ge=1, le=10_000, description="number of bins of a profile, theta-eta or structure"
+        None,
+        ge=1,
+        le=10_000,
+        description="number of bins of a profile, theta-eta, structure, correlation",
     )
     column: str | None = Field(
         None, min_length=1, description="column of the time series whose drops are avalanches"
@@ -220,7 +223,7 @@ class Observable(Table):
 
 _KEYS_OF_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "at": (("profile", "theta-eta"), ()),
-    "bins": ((), ("profile", "theta-eta", "structure")),
+    "bins": ((), ("profile", "theta-eta", "structure", "correlation")),
     "inside": (("region",), ()),
     "column": (("avalanches",), ()),
     "threshold": ((), ("avalanches",)),

@@ -260,6 +260,32 @@ def drops(_of, run, table):
     assert table["mean"]["size"] == near(sizes.mean())
 
 
+def cells(of, run, table):
+    """Cells are larger than their grains, and of as many as there are; in a layer all fit between
+    the walls."""
+    mean = table["mean"]
+    assert table["grain_count"] <= COUNT
+    assert table["open_share"] == pytest.approx(1.0 - table["grain_count"] / COUNT)
+    assert 0.1 < mean["solid_fraction"] < 1.0
+    assert 2.0 < mean["neighbors"] < 6.5
+    assert 0.0 <= mean["hexatic_global"] <= mean["hexatic"] <= 1.0
+    assert sum(table["grains"]) == round(table["grain_count"] * table["frame_count"])
+    if of.is_layer:
+        low, high = lines(of, run)
+        assert table["open_share"] == 0.0
+        assert mean["solid_fraction"] > 0.9 * area_of(run) / (PERIOD * (high - low))
+
+
+def correlated(of, run, table):
+    """At touch neighbors share their motion, but no more than all of it."""
+    d = run.model.mean_diameter
+    assert table["mean_diameter"] == near(d)
+    assert table["grain_count"] == COUNT
+    assert table["r"] == pytest.approx([d * at for at in table["distance"]])
+    speeds = np.concatenate([frame.velocity[:, :2] for frame in chosen(run)])
+    assert 0.0 < table["fluctuation"] <= np.sqrt((speeds**2).sum(axis=1).mean()) * (1.0 + 1e-9)
+
+
 def everywhere(of, run, table):
     """A region that holds all grains."""
     assert set(table["grains"]) == {COUNT}
@@ -331,6 +357,8 @@ TABLES = {
     "mixing": None,
     "residence": None,
     "avalanches --of kinetic": drops,
+    "structure --voronoi --margin 0": cells,
+    "correlation --margin 0 --reach 1.4": correlated,
     "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
     "fields --spacing 0.25": coarse,
     "flow --line 0.0,0.02:0.06,0.02": flow,
@@ -368,6 +396,7 @@ def refusal(of, name):
             "forces --mobilization --frames -5:": "no contact between grains has friction",
             "fabric": f"{none} the bulk in these frames",
             "lifetimes": "there is no contact in these frames",
+            "correlation --margin 0 --reach 1.4": "nothing moves beside the mean flow in these frames",
         }.get(name, "")
     return ""
 
@@ -400,7 +429,7 @@ HEAVY = (
 
 @pytest.mark.parametrize("words", [
     *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces", "structure", "fabric",
-        "lifetimes"]),
+        "lifetimes", "correlation"]),
     "export csv RUN -o csv",
 ])  # fmt: skip
 def test_reading_loads_nothing_heavy(finished, tmp_path, words):
@@ -502,11 +531,12 @@ VARIANTS = {
     "diffusion": [[], ["--margin", "0", "--frames", ":"]],
     "structure": [
         [], ["--reach", "2", "--margin", "0"], ["--bins", "3", "--frames", ":"], ["--factor"],
-        ["--reach", "1e300"],
+        ["--reach", "1e300"], ["--voronoi"], ["--voronoi", "--margin", "0", "--frames", ":"],
     ],
     "mixing": [[], ["--cell", "1", "--frames", ":"], ["--group", "grains"]],
     "residence": [[], ["--frames", "2:"]],
     "avalanches": [["--of", "kinetic"], ["--of", "kinetic", "--threshold", "1e-30"]],
+    "correlation": [[], ["--margin", "0", "--reach", "2"], ["--bins", "3", "--frames", ":"]],
     "region": [["--in", REGION_SEEN],
         ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [

@@ -12,7 +12,7 @@ from places import ROOT
 from scenes import SMALL
 
 from multicor_cli.optional import LIBRARIES, MissingLibrary, library
-from multicor_cli.post import Selection, chains, clusters, conductivity
+from multicor_cli.post import Selection, chains, clusters, conductivity, voronoi
 from multicor_cli.studies.figure import FITS, fit
 from multicor_cli.studies.table import Series
 
@@ -68,6 +68,8 @@ def test_the_list_is_that_of_the_extras():
     ("matplotlib", "post map RUN --of velocity --plot term"),
     ("matplotlib", "post animate RUN --of velocity -o a.gif"),
     ("gsd", "export gsd RUN -o a.gsd"),
+    ("scipy", "post structure RUN --voronoi"),
+    ("scipy", "post map RUN --of hexatic"),
     ("scipy", "study validate sobol.toml"),
     ("scipy", "study run latin-hypercube.toml"),
     ("scipy", "study status sobol.toml"),
@@ -90,7 +92,8 @@ TEXTS = (
     "post rheology RUN --from 0",
     "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN",
     "post compare RUN RUN",
-    "post structure RUN --margin 0", "post avalanches RUN --of kinetic --threshold 1e-12",
+    "post structure RUN --margin 0", "post correlation RUN --margin 0",
+    "post avalanches RUN --of kinetic --threshold 1e-12",
     "post fabric RUN --from 0", "post lifetimes RUN --from 0",
     "post chains RUN --lengths --angle 89", "post chains RUN", "post chains RUN --frame -1",
     "post clusters RUN", "post forces RUN --mobilization", "post series RUN",
@@ -138,10 +141,11 @@ def test_chains_and_clusters_name_the_extra(measure, column, monkeypatch):
     assert str(caught.value) == said
 
 
-def test_a_conductivity_names_the_extra(monkeypatch):
+@pytest.mark.parametrize("measure", [conductivity, voronoi])
+def test_a_table_names_the_extra(measure, monkeypatch):
     said = remove(monkeypatch, "scipy")
     with pytest.raises(MissingLibrary) as caught:
-        conductivity(square_of_discs([0.3]), Selection(start=0.0))
+        measure(square_of_discs([0.3]), Selection(start=0.0))
     assert str(caught.value) == said
 
 

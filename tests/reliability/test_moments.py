@@ -52,6 +52,8 @@ post structure run
 post mixing run
 post residence run
 post avalanches run --of kinetic
+post structure run --voronoi
+post correlation run
 post fields run
 post energy run
 post region run --in {min=[0.0,0.0],max=[0.02,0.01]}

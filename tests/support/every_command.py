@@ -63,6 +63,8 @@ post structure packed --factor --plot structure.png
 post mixing rain --plot mixing.png
 post residence rain --plot residence.png
 post avalanches run --of kinetic --plot drops.png
+post structure packed --voronoi --plot cells.png
+post correlation run --margin 0 --plot correlation.png
 post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png
 post fields run --plot fields.png
 post energy warm --plot energy.png

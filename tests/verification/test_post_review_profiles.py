@@ -8,7 +8,8 @@ import pytest
 from from_wall_to_wall import profile
 from made_up_frames import source_of
 
-from multicor_cli.post import PROFILED, PostError, Selection
+from multicor_cli.post import PROFILED, PostError, Selection, grain_map
+from multicor_cli.post.nonaffine import d2min
 
 ALL = Selection(frames=slice(None))
 
@@ -28,12 +29,21 @@ SIMPLE = {
 }
 
 
+OF_CELLS = ("local-solid-fraction", "hexatic")
+"""What grains with open cells do not have."""
+
+
 def _grain_values(run, of, chosen, width):
     frames = {k: run.frames[k] for k in chosen}
     if of in SIMPLE:
         return {k: SIMPLE[of](f) for k, f in frames.items()}
     if of == "coordination":
         return {k: oracle.counts(run, frame) for k, frame in frames.items()}
+    if of in OF_CELLS:  # whose values are tested in their own modules
+        return {k: grain_map(run, of, k).value for k in chosen}
+    if of == "d2min":
+        pairs = pairwise(chosen)
+        return {k: d2min(run.model, run.frames[before], run.frames[k]) for before, k in pairs}
     slips = dict(zip(chosen, oracle.fluctuations(run, chosen, width), strict=True))
     if of == "granular-temperature":
         return {k: 0.5 * (v**2).sum(axis=1) for k, v in slips.items()}
@@ -76,10 +86,13 @@ def direct(run, of, chosen, count, left_out):
             rows.append((_contact_sum(run, of, k, edges), np.diff(edges) * layers[k].plane))
     else:
         values = {} if of == "solid-fraction" else _grain_values(run, of, chosen, mean / count)
-        for k in chosen:
+        for k in chosen[1:] if of == "d2min" else chosen:
             inside = oracle.areas(run.frames[k].position[:, 1], radius, layers[k].edges)
-            if of == "coordination":
+            if of in ("coordination", "d2min", *OF_CELLS):
                 inside = inside / (np.pi * radius**2)[:, np.newaxis]
+            if of in ("d2min", *OF_CELLS):
+                inside = np.where(np.isnan(values[k])[:, np.newaxis], 0.0, inside)
+                values[k] = np.nan_to_num(values[k])
             per_plane = of == "solid-fraction" or of.startswith("kinetic")
             below = np.diff(layers[k].edges) * layers[k].plane if per_plane else inside.sum(axis=0)
             rows.append((values.get(k, np.ones(radius.size)) @ inside, below))
@@ -105,7 +118,8 @@ def test_profile_agrees_with_plain_loops(run, of, frames, count, left_out):
     assert table.value == pytest.approx(value, rel=1e-9, abs=1e-10 * scale, nan_ok=True)
     assert table.error == pytest.approx(error, rel=1e-7, abs=1e-9 * scale, nan_ok=True)
     if PROFILED[of].kind != "rate":
-        places = [(f.position[:, 1], oracle.layer(run, f, count, edge).edges) for f in frames_]
+        counted = frames_[1:] if of == "d2min" else frames_
+        places = [(f.position[:, 1], oracle.layer(run, f, count, edge).edges) for f in counted]
         covered = [oracle.areas(y, run.model.grains.radius, edges) for y, edges in places]
         assert table.area == pytest.approx(np.mean(covered, axis=0).sum(axis=0))
     if len(chosen) < 5 and np.isfinite(error).any():

@@ -109,6 +109,8 @@ def test_charts(column, drawn):
         stayed(),
         dropped(),
         dropped(power_law=True),
+        post.voronoi(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
+        post.correlation(column, ALL, 1.0, margin=0.0),
     ):
         drawn(table)
 

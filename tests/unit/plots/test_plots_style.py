@@ -128,6 +128,8 @@ def test_every_table_can_be_shown_in_a_terminal(column):
         "mean square [m": post.diffusion(column, ALL, margin=0.1),
         "pair correlation g [–]": arranged,
         "structure factor S [–]": arranged.with_(factor=of_waves),
+        "local solid fraction [–]": post.voronoi(square_of_discs([0.3, 0.5]), ALL),
+        "correlation C [–]": post.correlation(column, ALL, 1.0, margin=0.0),
         "friction mu* [–]": post.rheology(column, ALL),
         "mixing index M [–]": mixed(),
         "share still inside [–]": stayed(),

@@ -7,6 +7,7 @@ from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, fields
 from multicor_cli.post.field_sums import CoarseGrid
+from multicor_cli.post.fields import Blocks
 from multicor_cli.post.lattice import Lattice
 
 ALL = Selection(frames=slice(None))
@@ -107,7 +108,7 @@ def test_a_rigid_rotation_in_polar_coordinates():
     around = plane.values["velocity-t"].reshape(plane.points.shape)[inner]
     expected = np.repeat(4.0 * r[inner, np.newaxis], around.shape[1], axis=1)
     assert around == pytest.approx(expected, abs=0.01)
-    assert plane.error == {}
+    assert all(np.isnan(error).all() for error in plane.error.values())
     assert table.note == ""
     aside = fields(source, selection=ALL, center=(3.4, -2.0), is_radial=True, **wide)
     beyond = float(aside.note.partition("r = ")[2].split()[0])
@@ -210,3 +211,92 @@ def test_what_cannot_be_is_refused():
     ):
         with pytest.raises(PostError, match=message):
             fields(source, selection=FIRST, **words)
+
+
+def test_local_rheology_of_a_square_lattice():
+    """Contacts along the axes: σ_xx, σ_yy and σ_xy are their forces over the distance of the grains;
+    slow shear adds nothing to them. The density of the grains is 3."""
+    size, rate, (across, upwards, shear) = 12, 1e-3, (5.0, 9.0, -2.0)
+    x, y = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
+    position = np.column_stack([x.ravel(), y.ravel()])
+    k = np.arange(size**2)
+    right = k - k % size + (k + 1) % size
+    above = k[:-size]
+    i, j = np.concatenate([k, above]), np.concatenate([right, above + size])
+    normal = np.concatenate(
+        [np.tile([-1.0, 0.0], (k.size, 1)), np.tile([0.0, -1.0], (above.size, 1))]
+    )
+    force = np.concatenate(
+        [np.tile([across, shear], (k.size, 1)), np.tile([upwards, -shear], (above.size, 1))]
+    )
+    velocity = np.column_stack([rate * position[:, 1], 0.0 * k])
+    frame = frame_of(
+        position, walls=1, velocity=velocity, contacts=contacts_of(i, j, normal, force)
+    )
+    model = make_model(np.full(k.size, 0.5), period=float(size), density=3.0)
+    table = fields(source_of(model, [frame]), along=((3.0, 6.0), (9.0, 6.0)), reach=4.0)
+    values = {name: np.mean(value) for name, value in table.values.items()}
+    assert values["stress-xy"] == pytest.approx(shear, rel=1e-3)
+    pressure, tau = 7.0, np.hypot(2.0, 2.0)
+    assert values["friction"] == pytest.approx(tau / pressure, rel=2e-3)
+    assert values["inertial-number"] == pytest.approx(rate * np.sqrt(3.0 / pressure), rel=2e-3)
+    assert values["fluidity"] == pytest.approx(rate * pressure / tau, rel=2e-3)
+
+
+# --- standard errors of grids
+
+
+def remembering(count, period=6.0):
+    """Frames of a lattice whose velocities are autoregressive, of a rest ½ from frame to frame."""
+    random = np.random.default_rng(7)
+    x, y = np.meshgrid(np.arange(6.0) + 0.5, np.arange(4.0) + 0.5)
+    position = np.column_stack([x.ravel(), y.ravel()])
+    velocity = random.normal(size=(24, 2))
+    frames = []
+    for _ in range(count):
+        velocity = 0.5 * velocity + np.sqrt(0.75) * random.normal(size=(24, 2))
+        frames.append(frame_of(position, walls=1, velocity=velocity + np.array([2.0, 0.0])))
+    return source_of(make_model(np.full(24, 0.5), period=period), frames)
+
+
+def on_both(source):
+    """Errors in the lowest row of a grid and on a line through its points."""
+    grid = fields(source, selection=ALL, spacing=1.0)
+    row = grid.points.at[: grid.points.shape[1]]
+    line = fields(source, selection=ALL, spacing=1.0, along=(tuple(row[0]), tuple(row[-1])))
+    return grid, {name: (grid.error[name][: len(row)], line.error[name]) for name in line.error}
+
+
+def test_errors_of_a_grid_are_those_of_a_line():
+    """Where there are no more frames than sums, to rounding."""
+    table, both = on_both(remembering(50))
+    for name, (of_grid, of_line) in both.items():
+        assert of_grid == pytest.approx(of_line, rel=1e-6, nan_ok=True), name
+    assert np.isfinite(table.error["velocity-x"]).all()
+    assert np.shape(table.as_dict()["standard_error"]["velocity-x"]) == table.points.shape
+    names = table.detail_headings
+    assert len(names) == 2 + 2 * len(table.fields)
+    assert "error of velocity-x [m/s]" in names
+    relative = dict(
+        zip((row[0] for row in table.rows), (row[-1] for row in table.rows), strict=True)
+    )
+    expected = np.median(table.error["velocity-x"] / table.values["velocity-x"])
+    assert relative["horizontal velocity [m/s]"] == pytest.approx(expected)
+
+
+def test_errors_of_many_frames_come_from_blocks(monkeypatch):
+    """200 frames in 8 to 16 blocks: a sixth of them scatters about as much as twelve values do."""
+    monkeypatch.setitem(fields.__globals__, "_FEWEST_AND_MOST", (16, 16))
+    _, both = on_both(remembering(200))
+    of_grid, of_line = both["velocity-x"]
+    ratio = of_grid / of_line
+    assert 0.7 < np.median(ratio) < 1.3
+    assert ratio.min() > 0.3
+    assert ratio.max() < 2.5
+    rows = np.arange(75.0).reshape(25, 3)
+    blocks = Blocks(4)
+    for row in rows:
+        blocks.add(row)
+    assert (blocks.size, len(blocks.rows)) == (8, 3)
+    assert np.array(blocks.rows) == pytest.approx(rows[:24].reshape(3, 8, 3).sum(axis=1))
+    assert blocks.total == pytest.approx(rows.sum(axis=0))

@@ -141,6 +141,20 @@ def test_avalanches(run):
         observable(post="mixing", value="separation", threshold=1.0)
 
 
+def test_cells_and_correlations(hot):
+    found = printed(hot, "structure", "--voronoi", "--from", "0", "--bins", "10")
+    keys = {"post": "structure", "bins": 10, "after": {"time": 0.0}}
+    for name in ("local_solid_fraction", "share_6", "hexatic_global"):
+        expected = (found["mean"][name], found["standard_error"][name])
+        assert taken(hot, value=name, **keys) == pytest.approx(expected, nan_ok=True)
+    found = printed(hot, "correlation", "--from", "0")
+    keys = {"post": "correlation", "after": {"time": 0.0}}
+    for name in ("length", "length_across"):
+        expected = (found[name], found[f"error_{name}"])
+        assert taken(hot, value=name, **keys) == pytest.approx(expected, nan_ok=True)
+    assert taken(hot, value="fluctuation", **keys)[0] == found["fluctuation"]
+
+
 def test_maps_and_forces(run):
     keys = {"post": "map", "value": "coordination"}
     with multicor.open_run(run) as opened:
