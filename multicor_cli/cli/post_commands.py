@@ -30,7 +30,7 @@ from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
     from multicor_cli.model.shapes import Area
-    from multicor_cli.post import GrainMap
+    from multicor_cli.post import GrainMap, Selection
     from multicor_cli.store import Run
 
 # ---- Commands `post profile`, `post theta-eta`, `post map`
@@ -278,9 +278,9 @@ def rheology(
     return Shown(table, about, directory)
 
 
-# ---- Command `post conductivity`: how a cell conducts
+# ---- Command `post conductivity`: how a cell, or a layer between two walls, conducts
 
-_NETWORK = "Solve the contacts of the frames, although the run has a mean gradient."
+_NETWORK = "Solve the contacts of the frames, although the run says what has flowed."
 OfNetwork = Annotated[bool, option("--network", _NETWORK)]
 
 
@@ -290,30 +290,57 @@ def conductivity(
     start: Start = None,
     end: End = None,
     frames: Frames = None,
+    margin: Margin = None,
+    between: Between = None,
 ) -> Shown:
-    """Measure how a cell conducts heat: means with errors; over time as CSV, JSON and figure.
+    """Measure how a cell, or a layer between two walls, conducts heat: means with errors; over time
+    as CSV, JSON and figure.
 
-    With heat.gradient that is what has flowed between frames: conductance K of a square along the
-    gradient, shares of contacts, gas, radiation and motion, diffusivities, Péclet number. Without,
-    steady temperatures under a gradient are found at once, in the contacts of each frame as they
-    are: K in all directions, but gas and radiation do not count. That needs scipy. k is K over the
-    thickness of discs.
+    In a cell with heat.gradient, or between walls of different temperature, that is what has flowed
+    between frames; a packing must be steady for it to be a conductivity. With --network, and in a
+    cell without gradient, steady temperatures are found at once, in the contacts of each frame as
+    they are: gas and radiation do not count then. That needs scipy. K is the conductance of a
+    square, k is K over the thickness of discs.
     """
     from multicor_cli import post
 
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
-        if any(run.model.heat_gradient) and not is_of_network:
-            flux = post.mean_heat(run, selection)
-            along = ", ".join(f"{value:g}" for value in flux.gradient)
-            about = _span(flux.frames.size, "frame", flux.times)
-            return Shown(flux, f"{about}, under a gradient of ({along}) K/m", directory)
-        table = post.conductivity(run, selection)
+        if run.model.is_cell:
+            if margin is not None or between is not None:
+                raise post.PostError("a cell has no walls: leave out --margin and --between")
+            return _of_cell(run, selection, directory, is_of_network=is_of_network)
+        if not is_of_network:
+            if margin is not None:
+                raise typer.BadParameter("--margin needs --network", param_hint="--margin")
+            through = post.layer_flow(run, selection, between=between)
+            about = _span(through.frames.size, "frame", through.times)
+            return Shown(through, f"{about}, {_about_layer(through)}", directory)
+        layer = post.layer_conductivity(run, selection, between=between, margin=margin)
+    about = f"{_span(layer.frames.size, 'frame', layer.times)}, {_about_layer(layer)}; "
+    about += f"the bulk begins {layer.margin:.4g} m from each wall"
+    about += f"; not counted: {layer.left_out}" if layer.left_out else ""
+    return Shown(layer, about, directory)
+
+
+def _of_cell(run: Run, selection: Selection, directory: Path, *, is_of_network: bool) -> Shown:
+    from multicor_cli import post
+
+    if any(run.model.heat_gradient) and not is_of_network:
+        flux = post.mean_heat(run, selection)
+        along = ", ".join(f"{value:g}" for value in flux.gradient)
+        about = _span(flux.frames.size, "frame", flux.times)
+        return Shown(flux, f"{about}, under a gradient of ({along}) K/m", directory)
+    table = post.conductivity(run, selection)
     about = _span(table.frames.size, "frame", table.times)
     about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
-    return Shown(
-        table, f"{about}; not counted: {table.left_out}" if table.left_out else about, directory
-    )
+    about += f"; not counted: {table.left_out}" if table.left_out else ""
+    return Shown(table, about, directory)
+
+
+def _about_layer(table: Any) -> str:
+    names = " and ".join(f"'{name}'" for name in table.walls)
+    return f"between {names}, {table.height:.4g} m apart, {table.width:.4g} m wide"
 
 
 # ---- Command `post diffusion`: how far grains stray from the mean flow

@@ -26,6 +26,10 @@ from multicor_cli.post.grain_map import GrainMap as GrainMap
 from multicor_cli.post.grain_map import GrainScene as GrainScene
 from multicor_cli.post.grain_map import grain_map as grain_map
 from multicor_cli.post.grain_map import make_scene as make_scene
+from multicor_cli.post.layer_conductivity import LayerConductivity as LayerConductivity
+from multicor_cli.post.layer_conductivity import LayerFlow as LayerFlow
+from multicor_cli.post.layer_conductivity import layer_conductivity as layer_conductivity
+from multicor_cli.post.layer_conductivity import layer_flow as layer_flow
 from multicor_cli.post.mean_heat import MeanHeat as MeanHeat
 from multicor_cli.post.mean_heat import mean_heat as mean_heat
 from multicor_cli.post.profile import ProfileSet as ProfileSet
