@@ -74,7 +74,10 @@ ExcludeWalls = Annotated[
 ]
 _GROUP = "Count the grains of this group only; several times for several."
 Groups = Annotated[list[str] | None, option("--group NAME", _GROUP, "all")]
-_STREAMLINES = "Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
+_STREAMLINES = (
+    "Show a fluctuation or a heat flux as streamlines of its local mean, or as arrows of the "
+    "grains."
+)
 Streamlines = Annotated[bool, option("--streamlines/--no-streamlines", _STREAMLINES)]
 
 
@@ -175,8 +178,9 @@ def map_grains(
     a map as figure.
 
     "fluctuation" is the velocity relative to the mean horizontal flow at the height of the grain;
-    "heat" is what friction and impacts have generated since the frame before; "stress" the mean
-    pressure in a grain by its contact forces, their sum over the circumference.
+    "heat" is what friction and impacts have generated since the frame before; "heat-flux" what its
+    contacts conduct; "stress" the mean pressure in a grain by its contact forces, their sum over
+    the circumference.
     """
     from multicor_cli import post
 
@@ -319,8 +323,7 @@ def conductivity(
         layer = post.layer_conductivity(run, selection, between=between, margin=margin)
     about = f"{_span(layer.frames.size, 'frame', layer.times)}, {_about_layer(layer)}; "
     about += f"the bulk begins {layer.margin:.4g} m from each wall"
-    about += f"; not counted: {layer.left_out}" if layer.left_out else ""
-    return Shown(layer, about, directory)
+    return Shown(layer, about + _not_counted(layer), directory)
 
 
 def _of_cell(run: Run, selection: Selection, directory: Path, *, is_of_network: bool) -> Shown:
@@ -334,13 +337,35 @@ def _of_cell(run: Run, selection: Selection, directory: Path, *, is_of_network: 
     table = post.conductivity(run, selection)
     about = _span(table.frames.size, "frame", table.times)
     about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
-    about += f"; not counted: {table.left_out}" if table.left_out else ""
-    return Shown(table, about, directory)
+    return Shown(table, about + _not_counted(table), directory)
 
 
 def _about_layer(table: Any) -> str:
     names = " and ".join(f"'{name}'" for name in table.walls)
     return f"between {names}, {table.height:.4g} m apart, {table.width:.4g} m wide"
+
+
+# ---- Command `post heat-network`: where heat flows
+
+
+def heat_network(directory: RunPath, frame: OneFrame = -1) -> Shown:
+    """Show the heat that the contacts of one frame conduct: their numbers as a table, the single
+    contacts as CSV, the network as figure.
+
+    The flow of a contact is its conductance times the difference of temperatures; gas in the gaps,
+    radiation, and what grains carry with them do not count. `post fields` and `post map` show the
+    same as a heat flux.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.heat_network(run, frame)
+    about = f"heat flow through contacts in frame {table.frame} at t = {table.time:g} s"
+    return Shown(table, about + _not_counted(table), directory)
+
+
+def _not_counted(table: Any) -> str:
+    return f"; not counted: {table.left_out}" if table.left_out else ""
 
 
 # ---- Command `post diffusion`: how far grains stray from the mean flow
@@ -519,7 +544,7 @@ def fields(
     frames: Frames = None,
 ) -> Shown:
     """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate,
-    stress, temperature, fluctuations.
+    stress, temperature, heat flux, fluctuations.
 
     On a grid over the grains, on a polar grid (--center), on a line (--line), or over rings
     (--center with --radial); these two have standard errors. CSV and JSON have every field at every
@@ -752,6 +777,7 @@ COMMANDS = {
     "forces": shows_table(forces),
     "rheology": shows_table(rheology),
     "conductivity": shows_table(conductivity),
+    "heat-network": shows_table(heat_network),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),
     "region": shows_table(region),

@@ -20,13 +20,17 @@ from multicor_cli.plots.style import (
     show_decades,
 )
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
+from multicor_cli.post.grain_map import GrainScene
+from multicor_cli.post.heat_network import HeatNetwork
 
 # ---- Force network: a line for every contact, its width proportional to the normal force
 
 _POINTS = 72.0  # points per inch
 _WIDTH = 0.15  # width of the line of a mean force over the mean diameter
-_SHOWN = (1.0, 3.0)  # forces over the mean whose lines the legend shows
-_LEGEND = 0.62  # room for the legend [inch]
+SHOWN = (1.0, 3.0)
+"""Forces, or heat flows, over the mean whose lines the legend shows."""
+LEGEND = 0.62
+"""Room for the legend [inch]."""
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
@@ -36,13 +40,10 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
 
     if not draw_network(axes, network).size:
         return
-    mean, unit = _mean_size(network), _mean_width(axes, network)
+    mean = _mean_size(network)
     handles = [Line2D([], [], color=COLORS[k], linewidth=2.0) for k in (0, 1)]
-    handles += [
-        Line2D([], [], color="0.2", linewidth=times * unit, solid_capstyle="butt")
-        for times in _SHOWN
-    ]
-    labels = ["sticking", "sliding", *(f"{times * mean:.2g} N" for times in _SHOWN)]
+    handles += lines_shown(axes, network.scene)
+    labels = ["sticking", "sliding", *(f"{times * mean:.2g} N" for times in SHOWN)]
     title = f"width: normal force, mean {mean:.3g} N"
     axes.figure.legend(
         handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0,
@@ -59,7 +60,7 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     if not network.i.size:
         return np.zeros(0)
     lines, which = segments(network)
-    width = line_widths(axes, network)
+    width = line_widths(axes, network.scene, network.force[:, 0])
     color = np.where(network.sliding, COLORS[1], COLORS[0])
     look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
     drawn = LineCollection(list(lines), capstyle="round", **look)
@@ -68,7 +69,7 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     return width
 
 
-def segments(network: ForceNetwork) -> tuple[Floats, Any]:
+def segments(network: ForceNetwork | HeatNetwork) -> tuple[Floats, Any]:
     """Lines of contacts, with images across sides, shape ``(k, 2, 2)``; and their contacts."""
     middle, reach = 0.5 * (network.start + network.end), 0.5 * (network.end - network.start)
     which, shift = network.scene.lattice.images(middle, reach)
@@ -76,16 +77,23 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
     return lines + shift[:, np.newaxis], which
 
 
-def line_widths(axes: Any, network: ForceNetwork) -> Floats:
-    """Widths of the lines [points], proportional to normal forces without sign, up to a limit."""
-    unit = _mean_width(axes, network)
-    relative = np.abs(network.force[:, 0]) / _mean_size(network)
-    return np.asarray(np.minimum(unit * relative, _WIDEST / _WIDTH * unit))
+def line_widths(axes: Any, scene: GrainScene, size: Floats) -> Floats:
+    """Widths of lines [points], proportional to sizes without sign, up to a limit."""
+    unit, size = _mean_width(axes, scene), np.abs(size)
+    return np.asarray(np.minimum(unit * size / (size.mean() or 1.0), _WIDEST / _WIDTH * unit))
 
 
-def _mean_width(axes: Any, network: ForceNetwork) -> float:
-    """Width of the line of a mean force [points]."""
-    scene = network.scene
+def lines_shown(axes: Any, scene: GrainScene) -> list[Any]:
+    """Lines for a legend, of `SHOWN` times the mean size."""
+    from matplotlib.lines import Line2D
+
+    unit = _mean_width(axes, scene)
+    look: dict[str, Any] = {"color": "0.2", "solid_capstyle": "butt"}
+    return [Line2D([], [], linewidth=times * unit, **look) for times in SHOWN]
+
+
+def _mean_width(axes: Any, scene: GrainScene) -> float:
+    """Width of the line of a mean size [points]."""
     inches = axes.figure.get_size_inches()
     per_meter = float(min(inches / (scene.box[1] - scene.box[0]))) * _POINTS
     return _WIDTH * 2.0 * float(scene.radius.mean()) * per_meter
@@ -203,7 +211,7 @@ FIGURES = {
     ForceNetwork: Renderer(
         lambda _: (COLUMN, COLUMN),
         lambda figure, network: draw_forces(
-            place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network
+            place_scene(figure, network.scene, has_bar=False, top=LEGEND).axes, network
         ),
         forces_text,
     ),
