@@ -368,6 +368,54 @@ def _not_counted(table: Any) -> str:
     return f"; not counted: {table.left_out}" if table.left_out else ""
 
 
+# ---- Command `post wall-heat`: between walls and a bed
+
+_WALLS_ASKED = "Wall to look at; several times for several."
+WallNames = Annotated[
+    list[str] | None, option("--wall NAME", _WALLS_ASKED, "all with a temperature")
+]
+_NEAR = "Take grains within so many mean diameters of the wall for the bed, not all."
+NearWall = Annotated[float | None, option("--near D", _NEAR, "all grains")]
+_WETTED = "Wetted length of a wall (in m)."
+WettedLength = Annotated[
+    float | None, option("--length L", _WETTED, "the diameters of the grains that touch it")
+]
+_GAS = "Make the Nusselt number with the conductivity of the gas instead of the solid."
+OfGas = Annotated[bool, option("--gas", _GAS)]
+
+
+def wall_heat(
+    directory: RunPath,
+    walls: WallNames = None,
+    near: NearWall = None,
+    length: WettedLength = None,
+    is_of_gas: OfGas = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure the heat transfer between walls and the bed: coefficient h and Nusselt number, means
+    with errors; over time as CSV, JSON and figure.
+
+    h is the heat flow from the wall into the grains over wetted area and difference of
+    temperatures, T_bed is weighted by heat capacity. The area is wetted length times thickness of
+    the discs; a layer of spheres is one mean diameter thick.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.wall_heat(
+            run, selection, walls or (), near=near, length=length,
+            over="gas" if is_of_gas else "solid",
+        )  # fmt: skip
+    about = f"{_span(table.frames.size, 'frame', table.times)}, {table.thickness:.4g} m thick"
+    k = f"k = {table.conductivity:g} W/(m K) of the {table.over}"
+    if not math.isfinite(table.conductivity):
+        k = f"no Nusselt number: the {table.over} has no conductivity, or several"
+    return Shown(table, f"{about}; {k}", directory)
+
+
 # ---- Command `post diffusion`: how far grains stray from the mean flow
 
 
@@ -778,6 +826,7 @@ COMMANDS = {
     "rheology": shows_table(rheology),
     "conductivity": shows_table(conductivity),
     "heat-network": shows_table(heat_network),
+    "wall-heat": shows_table(wall_heat),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),
     "region": shows_table(region),

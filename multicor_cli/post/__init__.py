@@ -59,3 +59,5 @@ from multicor_cli.post.table import Quantity as Quantity
 from multicor_cli.post.table import Table as Table
 from multicor_cli.post.theta_eta import ThetaTable as ThetaTable
 from multicor_cli.post.theta_eta import theta_eta as theta_eta
+from multicor_cli.post.wall_heat import WallHeatTable as WallHeatTable
+from multicor_cli.post.wall_heat import wall_heat as wall_heat

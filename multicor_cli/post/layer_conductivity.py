@@ -34,6 +34,7 @@ from multicor_cli.post.source import (
     model_of,
     need_grains,
     need_heat,
+    wall_temperatures,
 )
 from multicor_cli.post.sums import plane_width
 from multicor_cli.post.table import Quantity, TimeTable
@@ -279,10 +280,9 @@ def layer_flow(
         )
     rows = []
     for frame in frames_of(source, chosen):
-        of_walls = need_heat(frame.wall_temperature)[[*walls]]
         given = need_heat(frame.wall_heat)[[*walls], GIVEN]
-        rows.append([*of_walls, *given, extent.span(frame), plane_width(source, frame)])
-    hot = np.array(rows)
+        rows.append([*given, extent.span(frame), plane_width(source, frame)])
+    hot = np.column_stack([wall_temperatures(source, chosen)[:, [*walls]], np.array(rows)])
     warmth = hot[:, :2].mean(axis=0)
     if not np.isfinite(warmth).all() or warmth[0] == warmth[1]:
         raise PostError(
