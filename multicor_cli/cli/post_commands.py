@@ -416,6 +416,38 @@ def wall_heat(
     return Shown(table, f"{about}; {k}", directory)
 
 
+# ---- Command `post hot-spots`: the spots of sliding contacts
+
+_LIMIT = "Count the spots that are hotter (in K)."
+Limit = Annotated[
+    float | None, option("--limit T", _LIMIT, "the lowest melting temperature, if one is given")
+]
+
+
+def hot_spots(
+    directory: RunPath,
+    limit: Limit = None,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure how hot the spots of sliding contacts are: quantiles with errors; over time as CSV,
+    both and the distributions as JSON, the distributions as figure.
+
+    A spot is hotter than the mean of its two bodies by the flash of friction, in its hottest point:
+    that of a circular source of heat on two half-spaces (Tian & Kennedy 1994), with the spot of
+    smooth elastic spheres.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.hot_spots(run, selection, limit)
+    about = f"{table.contacts} sliding contacts in {_span(table.frames.size, 'frame', table.times)}"
+    about += f", limit {table.limit:g} K" if math.isfinite(table.limit) else ""
+    return Shown(table, about, directory)
+
+
 # ---- Command `post diffusion`: how far grains stray from the mean flow
 
 
@@ -827,6 +859,7 @@ COMMANDS = {
     "conductivity": shows_table(conductivity),
     "heat-network": shows_table(heat_network),
     "wall-heat": shows_table(wall_heat),
+    "hot-spots": shows_table(hot_spots),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),
     "region": shows_table(region),

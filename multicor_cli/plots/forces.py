@@ -77,10 +77,10 @@ def segments(network: ForceNetwork | HeatNetwork) -> tuple[Floats, Any]:
     return lines + shift[:, np.newaxis], which
 
 
-def line_widths(axes: Any, scene: GrainScene, size: Floats) -> Floats:
-    """Widths of lines [points], proportional to sizes without sign, up to a limit."""
+def line_widths(axes: Any, scene: GrainScene, size: Floats, widest: float = _WIDEST) -> Floats:
+    """Widths of lines [points], proportional to sizes without sign, up to ``widest`` diameters."""
     unit, size = _mean_width(axes, scene), np.abs(size)
-    return np.asarray(np.minimum(unit * size / (size.mean() or 1.0), _WIDEST / _WIDTH * unit))
+    return np.asarray(np.minimum(unit * size / (size.mean() or 1.0), widest / _WIDTH * unit))
 
 
 def lines_shown(axes: Any, scene: GrainScene) -> list[Any]:

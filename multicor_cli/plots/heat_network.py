@@ -28,6 +28,7 @@ from multicor_cli.post.quantities import MAPPED, color_range
 _LEGEND = 0.45  # room for the legend [inch]
 _FIELD = MAPPED["temperature"]
 _LINE = "0.1"
+_WIDEST = 0.45  # line over the mean diameter: at hot walls flows are many times the mean
 _RIM = "white"  # around lines, which else are lost on dark grains
 
 
@@ -60,7 +61,7 @@ def draw_network(axes: Any, network: HeatNetwork) -> Any:
     draw_walls(axes, scene)
     if network.i.size:
         lines, which = segments(network)
-        width = line_widths(axes, scene, network.flow)[which]
+        width = line_widths(axes, scene, network.flow, _WIDEST)[which]
         under: dict[str, Any] = {"linewidths": width + 0.8, "colors": _RIM, "zorder": 3}
         over: dict[str, Any] = {"linewidths": width, "colors": _LINE, "zorder": 3.1}
         for style in (under, over):

@@ -423,8 +423,8 @@ def layer_flow_text(table: LayerFlow, _terminal: Terminal) -> str:
 _OF_WALLS = (
     ("heat flow $Q$ [W]", "flow"),
     (r"$T_\mathrm{wall} - T_\mathrm{bed}$ [K]", "difference"),
-    ("coefficient $h$ [W/(m² K)]", "coefficient"),
-    ("Nusselt number Nu [–]", "nusselt"),
+    ("$h$ [W/(m² K)]", "coefficient"),
+    ("Nusselt number [–]", "nusselt"),
     ("wetted length $L$ [m]", "wetted"),
     (r"$T_\mathrm{bed}$ [K]", "bed"),
 )

@@ -28,6 +28,8 @@ from multicor_cli.post.grain_map import grain_map as grain_map
 from multicor_cli.post.grain_map import make_scene as make_scene
 from multicor_cli.post.heat_network import HeatNetwork as HeatNetwork
 from multicor_cli.post.heat_network import heat_network as heat_network
+from multicor_cli.post.hot_spots import HotSpots as HotSpots
+from multicor_cli.post.hot_spots import hot_spots as hot_spots
 from multicor_cli.post.layer_conductivity import LayerConductivity as LayerConductivity
 from multicor_cli.post.layer_conductivity import LayerFlow as LayerFlow
 from multicor_cli.post.layer_conductivity import layer_conductivity as layer_conductivity

@@ -272,6 +272,8 @@ def _from_outline(outline: Outline, place: Floats, period: float) -> Floats:
     if outline.normal is not None:
         way = place[:, np.newaxis] - outline.points[:, 0]
         return np.asarray(np.abs((way * outline.normal).sum(axis=-1)).min(axis=1))
+    if outline.points.shape[1] == 1:  # the end of a line
+        return np.full(len(place), np.inf)
     start, end = (outline.points[:, part].reshape(-1, 2) for part in (slice(-1), slice(1, None)))
     side, way = end - start, towards(0.5 * (start + end))
     square = np.maximum((side**2).sum(axis=-1), np.finfo(float).tiny)

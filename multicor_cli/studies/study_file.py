@@ -164,7 +164,8 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology", "conductivity", "diffusion", "structure", "region", "profile", "theta-eta",
+            "rheology", "conductivity", "heat-network", "wall-heat", "hot-spots", "diffusion",
+            "structure", "region", "profile", "theta-eta",
             "map", "forces", "energy"
         ]
         | None
