@@ -1,0 +1,142 @@
+"""Flash temperatures of sliding contacts, by hand."""
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from made_up_frames import contacts_of, frame_of, source_of
+from scene_parts import make_model
+
+from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.post import PostError, Selection, hot_spots
+from multicor_cli.post.hot_spots import SPOT_QUANTITIES, hertz_radius
+
+ALL = Selection(start=0.0)
+STEEL = """
+[materials.steel]
+density = 7500.0
+young = 193e9
+poisson = 0.29
+conductivity = 15.0
+heat_capacity = 500.0
+"""
+A, MODULUS = 1.5e-3, 1.05361e11
+FLOOR = (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))
+
+
+def sliding(contacts, *, floor=np.nan, scenario=STEEL, shape=FLOOR, dt=1e-3):
+    """Frames of three steel spheres at 300, 310 and 320 K.
+
+    ``contacts`` of each frame are rows of i, j (3: the floor), normal force, tangential force and
+    slip.
+    """
+    model = make_model(np.full(3, A), [shape], shape="sphere", density=7500.0)
+    model = replace(model, thermal=Thermal(np.ones(3), np.full(3, 300.0), np.ones(3)))
+    frames = []
+    for rows in contacts:
+        i, j, normal, tangential, slip = np.array(rows, float).reshape(-1, 5).T
+        made = contacts_of(i, j, (0.0, 1.0), np.column_stack([normal, tangential]))
+        made.slip, made.sliding = slip, slip != 0.0
+        frames.append(frame_of(
+            [(0.0, A), (0.0, 3 * A), (0.0, 5 * A)], walls=1, contacts=made, dt=dt,
+            temperature=np.array([300.0, 310.0, 320.0]), wall_temperature=np.array([floor]),
+        ))  # fmt: skip
+    return source_of(model, frames, scenario_resolved=scenario)
+
+
+def conductance(radius, slip):
+    """P/ΔT of one body: ½ π^(3/2) a λ √(4/π + Pe), Pe = (u/2) a ρc/2λ."""
+    peclet = 0.5 * slip * radius * 7500.0 * 500.0 / (2.0 * 15.0)
+    return 0.5 * pi**1.5 * radius * 15.0 * sqrt(4.0 / pi + peclet)
+
+
+def test_a_contact_of_known_flash():
+    """1 N, friction 0.5, 0.1 m/s: a spot of 17.48 µm is 29.13 K hotter, 30.35 K were it slow."""
+    table = hot_spots(sliding([[(0, 1, 1.0, 0.5, -0.1)]]), ALL)
+    assert table.mean["radius"] == pytest.approx(1.74776e-5, rel=1e-5)
+    assert table.mean["rise_mean"] == pytest.approx(29.13, abs=0.005)
+    assert table.mean["spot_max"] == pytest.approx(305.0 + table.mean["rise_max"])
+    assert table.mean["peclet_max"] == pytest.approx(0.109235, rel=1e-5)
+    slow = hot_spots(sliding([[(0, 1, 1.0, 0.5e5, -0.1e-5)]]), ALL)
+    assert slow.mean["rise_mean"] == pytest.approx(30.35, abs=0.005)
+    assert [*table.mean] == [q.name for q in SPOT_QUANTITIES if q.name != "above"]
+
+
+def test_walls_take_heat_if_they_have_a_temperature():
+    """On a plane a* = a; alone the sphere gets twice as hot."""
+    radius = (0.75 * 2.0 * A / MODULUS) ** (1.0 / 3.0)
+    body = conductance(radius, 0.3)
+    contact = [[(0, 3, 2.0, -1.0, 0.3)]]
+    alone = hot_spots(sliding(contact), ALL)
+    assert alone.mean["radius"] == pytest.approx(radius, rel=1e-5)
+    assert alone.mean["rise_max"] == pytest.approx(0.3 / body, rel=1e-5)
+    assert alone.mean["spot_max"] == pytest.approx(300.0 + 0.3 / body, rel=1e-6)
+    both = hot_spots(sliding(contact, floor=350.0), ALL)
+    assert both.mean["rise_max"] == pytest.approx(0.15 / body, rel=1e-5)
+    assert both.mean["spot_max"] == pytest.approx(325.0 + 0.15 / body, rel=1e-6)
+
+
+def test_only_what_slides_under_load_counts():
+    rows = [
+        (0, 1, 1.0, 0.5, 0.1),
+        (1, 2, 4.0, 0.3, 0.0),
+        (0, 3, -1.0, 0.1, 0.2),
+        (2, 3, 1.0, 0.5, 0.1),
+    ]
+    table = hot_spots(sliding([rows, rows[1:2]]), ALL, 330.0)
+    assert table.contacts == 2
+    np.testing.assert_allclose(table.values["sliding"], [0.5, 0.0])
+    assert np.isnan(table.values["rise_mean"]).tolist() == [False, True]
+    assert table.values["above"][0] == 1.0  # 334 K and 320 K + some 50 K
+    assert hot_spots(sliding([rows]), ALL, 340.0).mean["above"] == 0.5
+
+
+def test_quantiles_and_densities():
+    random = np.random.default_rng(1)
+    slip = random.exponential(0.01, 500) + 1e-6
+    rows = [(0, 1, 1.0, 0.5, u) for u in slip]
+    table = hot_spots(sliding([rows[:250], rows[250:]]), ALL)
+    radius = (0.75 * 0.5 * A / MODULUS) ** (1.0 / 3.0)
+    rise = np.array([0.5 * u / (2.0 * conductance(radius, u)) for u in slip])
+    assert table.values["rise_95"][0] == pytest.approx(np.quantile(rise[:250], 0.95), rel=1e-5)
+    assert table.values["rise_50"][1] == pytest.approx(np.median(rise[250:]), rel=1e-5)
+    inside = rise >= table.rise_edges[0] * (1.0 + 1e-4)
+    total = (table.rise_density * np.diff(table.rise_edges)).sum()
+    assert total == pytest.approx(inside.mean(), abs=2e-3)
+    assert (table.spot_density * np.diff(table.spot_edges)).sum() == pytest.approx(1.0)
+    assert table.rise_edges[-1] == pytest.approx(rise.max(), rel=1e-5)
+
+
+def test_effective_radii():
+    for shape, expected in (
+        ((ShapeKind.DISC, 0, (0.0, 0.0, 3e-3, 0.0)), 1e-3),
+        ((ShapeKind.CIRCLE, 0, (0.0, 0.0, 6e-3, 0.0)), 2e-3),
+        ((ShapeKind.CIRCLE, 0, (0.0, 0.0, 1.5001e-3, 0.0)), 100.0 * A),
+        (FLOOR, A),
+    ):
+        model = sliding([[]], shape=shape).model
+        found = hertz_radius(model, np.array([0, 0]), np.array([3, 1]))
+        assert found == pytest.approx([expected, 0.5 * A])
+
+
+def test_the_lowest_melting_temperature_is_the_limit():
+    source = sliding([[(0, 1, 1.0, 0.5, 0.1)]], scenario=f"{STEEL}melting = 320.0\n")
+    table = hot_spots(source, ALL)
+    assert (table.limit, table.mean["above"]) == (320.0, 1.0)
+    assert hot_spots(source, ALL, 400.0).mean["above"] == 0.0
+
+
+def test_wrong_runs_are_refused():
+    rows = [(0, 1, 1.0, 0.5, 0.1)]
+    with pytest.raises(PostError, match="no contact slides in these frames"):
+        hot_spots(sliding([[(0, 1, 1.0, 0.5, 0.0)]]), ALL)
+    without = STEEL.replace("young = 193e9\npoisson = 0.29\n", "")
+    with pytest.raises(PostError, match=r"spots need young, .* of the material 'steel'"):
+        hot_spots(sliding([rows], scenario=without), ALL)
+    with pytest.raises(PostError, match="there are no contact forces in frame 0"):
+        hot_spots(sliding([rows], dt=0.0), ALL)
+    cold = sliding([rows])
+    cold.model = replace(cold.model, thermal=None)
+    with pytest.raises(PostError, match="the run has no heat"):
+        hot_spots(cold, ALL)
