@@ -55,12 +55,16 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["theta-eta", "--wall", "top"], 10.0),
     *(
         (["map", "--of", of, "--plot", f"{of}.png"], 15.0)
-        for of in ("temperature", "fluctuation", "stress")
+        for of in ("temperature", "fluctuation", "heat-flux", "stress")
     ),
     (["forces", "--plot", "forces.png"], 10.0),
     (["forces", "--distribution", "--frames", ":", "--plot", "distribution.png"], 10.0),
     (["forces", "--angles", "--frames", ":", "--plot", "angles.png"], 10.0),
     (["rheology", "--plot", "rheology.png"], 10.0),
+    (["conductivity", "--network", "--frames", ":", "--plot", "conductivity.png"], 100.0),
+    (["heat-network", "--plot", "heat.png"], 10.0),
+    (["wall-heat", "--frames", ":", "--plot", "walls.png"], 10.0),
+    (["hot-spots", "--frames", ":", "--plot", "spots.png"], 20.0),
     (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 20.0),
     (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
     (["energy", "--plot", "energy.png"], 10.0),

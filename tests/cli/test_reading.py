@@ -196,6 +196,8 @@ def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch)
         "map run --of stress", "forces run", "forces run --angles", "forces run --distribution",
         "rheology run --from 0", "diffusion run --from 0",
         "energy run", "compare run run", "structure run --margin 0",
+        "conductivity run --from 0", "conductivity run --network", "heat-network run",
+        "wall-heat run --from 0", "map run --of heat-flux",
     )  # fmt: skip
     looked = []
     monkeypatch.setattr(

@@ -58,6 +58,7 @@ def test_animate_without_ffmpeg_writes_a_gif_and_says_so(typed, tmp_path, monkey
     ("profile RUN", "velocity [m/s]"),
     ("theta-eta HEATED --wall top --bins 5", "theta [–]"),
     ("structure RUN --margin 0", "pair correlation g [–]"),
+    ("heat-network HEATED", "heat flow, mean"),
     ("energy RUN", "lost to friction [J]"),
     ("forces RUN", "normal force, mean"),
 ])  # fmt: skip

@@ -43,6 +43,9 @@ post map run --of speed
 post forces run
 post rheology run
 post conductivity run
+post heat-network run
+post wall-heat run
+post hot-spots run
 post diffusion run --margin 1
 post structure run
 post fields run

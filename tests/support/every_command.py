@@ -51,6 +51,9 @@ post forces run --plot forces.png
 post rheology run --from 0 --plot rheology.png
 post conductivity packed --frames : --plot conductivity.png
 post conductivity packed --network --plot network.png
+post heat-network warm --frame 5 --plot heat.png
+post wall-heat warm --from 0 --plot walls.png
+post hot-spots warm --from 0 --plot spots.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
 post structure packed --factor --plot structure.png
 post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png

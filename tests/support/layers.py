@@ -1,4 +1,4 @@
-"""Layers of discs between two planes, by hand: square lattices that conduct heat."""
+"""Made-up runs with heat: square lattices of discs between two planes, spheres that slide."""
 
 from dataclasses import replace
 
@@ -80,3 +80,38 @@ def layer(
             contacts=lattice_contacts(columns, rows, inside, wall), unwrapped=position,
         ))  # fmt: skip
     return source_of(model, made, lapse * np.arange(frames), scenario_resolved=MATERIALS)
+
+
+# --- spheres of steel that slide on each other
+
+STEEL = """
+[materials.steel]
+density = 7500.0
+young = 193e9
+poisson = 0.29
+conductivity = 15.0
+heat_capacity = 500.0
+"""
+SPHERE = 1.5e-3
+"""Their radius."""
+PLANE = (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))
+
+
+def sliding(contacts, *, floor=np.nan, scenario=STEEL, shape=PLANE, dt=1e-3):
+    """Frames of three steel spheres at 300, 310 and 320 K.
+
+    ``contacts`` of each frame are rows of i, j (3: the floor), normal force, tangential force and
+    slip.
+    """
+    model = make_model(np.full(3, SPHERE), [shape], shape="sphere", density=7500.0)
+    model = replace(model, thermal=Thermal(np.ones(3), np.full(3, 300.0), np.ones(3)))
+    frames = []
+    for rows in contacts:
+        i, j, normal, tangential, slip = np.array(rows, float).reshape(-1, 5).T
+        made = contacts_of(i, j, (0.0, 1.0), np.column_stack([normal, tangential]))
+        made.slip, made.sliding = slip, slip != 0.0
+        frames.append(frame_of(
+            [(0.0, SPHERE), (0.0, 3 * SPHERE), (0.0, 5 * SPHERE)], walls=1, contacts=made, dt=dt,
+            temperature=np.array([300.0, 310.0, 320.0]), wall_temperature=np.array([floor]),
+        ))  # fmt: skip
+    return source_of(model, frames, scenario_resolved=scenario)

@@ -5,44 +5,15 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from made_up_frames import contacts_of, frame_of, source_of
-from scene_parts import make_model
+from layers import PLANE, STEEL, sliding
+from layers import SPHERE as A
 
-from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, hot_spots
 from multicor_cli.post.hot_spots import SPOT_QUANTITIES, hertz_radius
 
 ALL = Selection(start=0.0)
-STEEL = """
-[materials.steel]
-density = 7500.0
-young = 193e9
-poisson = 0.29
-conductivity = 15.0
-heat_capacity = 500.0
-"""
-A, MODULUS = 1.5e-3, 1.05361e11
-FLOOR = (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))
-
-
-def sliding(contacts, *, floor=np.nan, scenario=STEEL, shape=FLOOR, dt=1e-3):
-    """Frames of three steel spheres at 300, 310 and 320 K.
-
-    ``contacts`` of each frame are rows of i, j (3: the floor), normal force, tangential force and
-    slip.
-    """
-    model = make_model(np.full(3, A), [shape], shape="sphere", density=7500.0)
-    model = replace(model, thermal=Thermal(np.ones(3), np.full(3, 300.0), np.ones(3)))
-    frames = []
-    for rows in contacts:
-        i, j, normal, tangential, slip = np.array(rows, float).reshape(-1, 5).T
-        made = contacts_of(i, j, (0.0, 1.0), np.column_stack([normal, tangential]))
-        made.slip, made.sliding = slip, slip != 0.0
-        frames.append(frame_of(
-            [(0.0, A), (0.0, 3 * A), (0.0, 5 * A)], walls=1, contacts=made, dt=dt,
-            temperature=np.array([300.0, 310.0, 320.0]), wall_temperature=np.array([floor]),
-        ))  # fmt: skip
-    return source_of(model, frames, scenario_resolved=scenario)
+MODULUS = 1.05361e11
 
 
 def conductance(radius, slip):
@@ -113,7 +84,7 @@ def test_effective_radii():
         ((ShapeKind.DISC, 0, (0.0, 0.0, 3e-3, 0.0)), 1e-3),
         ((ShapeKind.CIRCLE, 0, (0.0, 0.0, 6e-3, 0.0)), 2e-3),
         ((ShapeKind.CIRCLE, 0, (0.0, 0.0, 1.5001e-3, 0.0)), 100.0 * A),
-        (FLOOR, A),
+        (PLANE, A),
     ):
         model = sliding([[]], shape=shape).model
         found = hertz_radius(model, np.array([0, 0]), np.array([3, 1]))
