@@ -419,9 +419,7 @@ def wall_heat(
 # ---- Command `post hot-spots`: the spots of sliding contacts
 
 _LIMIT = "Count the spots that are hotter (in K)."
-Limit = Annotated[
-    float | None, option("--limit T", _LIMIT, "the lowest melting temperature, if one is given")
-]
+Limit = Annotated[float | None, option("--limit T", _LIMIT, "the lowest ignition or melting")]
 
 
 def hot_spots(

@@ -86,8 +86,8 @@ def hot_spots(
     Args:
         source: The run, with heat.
         selection: Which frames with forces; default: the later half of the last stage.
-        limit: Temperature above which spots are counted [K]; default: the lowest melting
-            temperature of a material that gives one.
+        limit: Temperature above which spots are counted [K]; default: the lowest ignition or
+            melting of the materials, if one is given.
 
     Raises:
         PostError: If the run has no heat, a material no Young's modulus or no conductivity, no
@@ -99,9 +99,9 @@ def hot_spots(
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
     chosen = with_forces(source, chosen)
-    melting = properties(source, "melting")
-    if limit is None and np.isfinite(melting).any():
-        limit = float(np.nanmin(melting))
+    limits = np.concatenate([properties(source, key) for key in ("ignition", "melting")])
+    if limit is None and np.isfinite(limits).any():
+        limit = float(np.nanmin(limits))
     materials = _Materials.of(source)
     spots = [_spots(model_of(source, f), f, materials) for f in frames_of(source, chosen)]
     rise, hot = (np.concatenate([getattr(one, of) for one in spots]) for of in ("rise", "hot"))

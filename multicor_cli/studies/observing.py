@@ -125,7 +125,9 @@ def _wall_heat(run: Run, row: Observable, selection: Selection) -> Number:
 def _hot_spots(run: Run, row: Observable, selection: Selection) -> Number:
     found, name = hot_spots(run, selection), str(row.value)
     if name not in found.mean:
-        raise Unobservable(f"the run has no {name}: no material has a melting temperature")
+        raise Unobservable(
+            f"the run has no {name}: no material has a temperature of ignition or melting"
+        )
     return Number(found.mean[name], found.error[name])
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from layers import PLANE, STEEL, sliding
 from layers import SPHERE as A
+from scenarios import plane, scenario
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, hot_spots
@@ -91,11 +92,27 @@ def test_effective_radii():
         assert found == pytest.approx([expected, 0.5 * A])
 
 
-def test_the_lowest_melting_temperature_is_the_limit():
-    source = sliding([[(0, 1, 1.0, 0.5, 0.1)]], scenario=f"{STEEL}melting = 320.0\n")
+def test_the_lowest_ignition_or_melting_is_the_limit():
+    known = f"{STEEL}melting = 1700.0\nignition = 320.0\n"
+    source = sliding([[(0, 1, 1.0, 0.5, 0.1)]], scenario=known)
     table = hot_spots(source, ALL)
     assert (table.limit, table.mean["above"]) == (320.0, 1.0)
     assert hot_spots(source, ALL, 400.0).mean["above"] == 0.0
+
+
+def test_the_engine_and_the_frames_see_the_same_spot(run):
+    """A disc slides on a floor with a temperature: in a step, what the time series calls the
+    hottest. It sees the slip half-way in the step, the frame that after it."""
+    made = run(scenario(
+        grains=[[0.02, 1e-3, 1e-3, 1.0, 0.0]], friction=0.3, dt=1e-4, duration=2e-3,
+        frame_interval=1e-4, series_interval=1e-4, heat={"temperature": 300.0},
+        walls={"floor": {"geometry": plane(), "thermal": {"temperature": 320.0}}},
+    ))  # fmt: skip
+    table = hot_spots(made, Selection(start=5e-4))
+    series = np.asarray(made.series["hottest_spot"])
+    rows = np.searchsorted(np.asarray(made.series["time"]), table.time - 1e-9)
+    assert table.values["rise_max"].min() > 1.0
+    np.testing.assert_allclose(table.values["spot_max"], series[rows], rtol=1e-4)
 
 
 def test_wrong_runs_are_refused():

@@ -120,7 +120,7 @@ def test_heat(hot):
         assert taken(hot, post="hot-spots", value=name, after=after) == pytest.approx(
             expected, nan_ok=True
         )
-    with pytest.raises(Unobservable, match="no material has a melting temperature"):
+    with pytest.raises(Unobservable, match="no material has a temperature of ignition"):
         taken(hot, post="hot-spots", value="above", after=after)
 
 
