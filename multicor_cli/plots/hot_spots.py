@@ -40,6 +40,7 @@ def draw_hot_spots(figure: Any, table: HotSpots) -> None:
         xlabel=r"temperature of a spot $T_\mathrm{spot}$ [K]",
         ylabel=r"probability density $P(T_\mathrm{spot})$ [1/K]",
     )
+    spot.set_xlim(table.spot_edges[0], table.spot_edges[-1])
     spot.locator_params(axis="x", nbins=5)
     for panel in (flash, spot):
         panel.legend(loc="best")

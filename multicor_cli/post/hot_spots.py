@@ -44,6 +44,7 @@ SPOT_QUANTITIES = (
 
 _BINS = 40
 _DECADES = 6.0  # below the largest rise at which bins begin
+_NARROWEST = 1e-3  # range of the bins of temperatures over the highest, where all are alike
 _LARGEST_CUP = 100.0  # radius of contact in a circle over the grain's, at most; as in the engine
 
 
@@ -112,7 +113,7 @@ def hot_spots(
     quantities = [q.over_time(np.array([row[q.name] for row in rows])) for q in shown]
     top, low, high = float(rise.max()), float(hot.min()), float(hot.max())
     edges = np.geomspace(10.0**-_DECADES * top, top, _BINS + 1)
-    room = 0.5 * max(1e-9 * high - (high - low), 0.0)  # all alike
+    room = 0.5 * max(_NARROWEST * high - (high - low), 0.0)
     even = np.linspace(low - room, high + room, _BINS + 1)
     facts = {
         "limit": np.nan if limit is None else limit, "contacts": rise.size,

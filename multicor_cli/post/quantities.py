@@ -188,8 +188,8 @@ def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int]
 def _heat_flux(source: Run, frame: int) -> Floats:
     """Flux of the heat that the contacts of each grain conduct [W/m], shape ``(n, 2)``.
 
-    Heat flow times branch, of which each of two grains has half, over the area of the grain: its
-    mean by area times the solid fraction is the flux in a bed, apart from the halves at walls.
+    Heat flow times branch, of which each of two grains has half and one beside a wall all, over the
+    area of the grain: its mean by area times the solid fraction is the flux in a bed.
     """
     with_conduction(source, np.array([frame]))
     model = model_of(source, source.frames[frame])

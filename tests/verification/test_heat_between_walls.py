@@ -72,11 +72,11 @@ def test_flow_and_contacts_of_a_packing_agree(run, sides, record_property):
         )
         through = np.trapezoid(line.values["heat-flux-y"], line.distance)
         assert through == pytest.approx(flow, rel=0.02)
-    # Flux of grains by area, with half of each contact: the mean flux but for the halves at walls
+    # Flux of grains by area: the mean flux
     flux = grain_map(made, "heat-flux").vector
     area = np.pi * made.model.grains.radius**2
     mean = (flux * area[:, np.newaxis]).sum(axis=0) / (contacts.width * contacts.height)
-    assert mean[1] == pytest.approx(flow / contacts.width, rel=0.02)
+    assert mean[1] == pytest.approx(flow / contacts.width, rel=2e-3)
 
 
 # --- beds on a warm floor
