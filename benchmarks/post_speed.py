@@ -56,7 +56,7 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["theta-eta", "--wall", "top"], 10.0),
     *(
         (["map", "--of", of, "--plot", f"{of}.png"], 15.0)
-        for of in ("temperature", "fluctuation", "stress")
+        for of in ("temperature", "fluctuation", "heat-flux", "stress")
     ),
     (["forces", "--plot", "forces.png"], 10.0),
     (["forces", "--distribution", "--frames", ":", "--plot", "distribution.png"], 10.0),
@@ -67,6 +67,10 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["lifetimes", "--frames", ":", "--plot", "lifetimes.png"], 20.0),
     (["chains", "--frames", ":", "--plot", "chains.png"], 20.0),
     (["clusters", "--frames", ":", "--plot", "clusters.png"], 10.0),
+    (["conductivity", "--network", "--frames", ":", "--plot", "conductivity.png"], 100.0),
+    (["heat-network", "--plot", "heat.png"], 10.0),
+    (["wall-heat", "--frames", ":", "--plot", "walls.png"], 10.0),
+    (["hot-spots", "--frames", ":", "--plot", "spots.png"], 20.0),
     (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 20.0),
     (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
     (["mixing", "--plot", "mixing.png"], 10.0),
@@ -77,6 +81,18 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["compare", "DIR"], 10.0),
 ]
 """Commands with the seconds that they may take."""
+
+
+SCENARIO = """
+[scenario]
+name = "made-up"
+[materials.steel]
+density = 7500.0
+young = 193e9
+poisson = 0.29
+conductivity = 15.0
+heat_capacity = 500.0
+"""
 
 
 def lattice(grains: int) -> tuple[np.ndarray, int, int]:
@@ -167,7 +183,7 @@ def write_run(path: Path, grains: int, frames: int) -> None:
     i, j, normal = contact_pairs(columns, rows)
     n, c = model.grain_count, i.size
     height = float(centers[-1, 1]) + 2.0 * RADIUS
-    scenario = '[scenario]\nname = "made-up"\n'
+    scenario = SCENARIO
     with RunDirectory.create(path, scenario, scenario, {"seed": 1}, stages=("shear",)) as run:
         writer = run.writer(model)
         state = State.at_rest(model, centers)
@@ -189,9 +205,18 @@ def write_run(path: Path, grains: int, frames: int) -> None:
             state.heat += 1e-6 * rng.random(n)
             state.generated += 1e-6 * rng.random(n)
             force = rng.exponential(1.0, (c, 2)) * [1.0, 0.2] * (rng.random((c, 1)) < 5.0 / 6.0)
-            slip = np.zeros(c)
+            none, slip = np.zeros(c), 0.1 * rng.standard_normal(c)
+            conductance = 1e-3 * np.cbrt(force[:, 0])
             contacts = ContactTable(
-                i, j, normal, slip, force * state.last_dt, slip, force[:, 1] > 0.3, slip, slip
+                i,
+                j,
+                normal,
+                none,
+                force * state.last_dt,
+                slip,
+                force[:, 1] > 0.3,
+                none,
+                conductance,
             )
             writer.frame(Snapshot(state, model, contacts if frame else None))
             if frame % 10 == 9 or frame == frames - 1:

@@ -104,9 +104,9 @@ def listed(*keys: str) -> Callable[[str], list[str]]:
 
 def fields(ctx: typer.Context, incomplete: str) -> list[str]:
     """Coarse-grained fields, with components along the axes that the line asks for."""
-    from multicor_cli.post.field_sums import field_list
+    from multicor_cli.post.field_sums import Known, field_list
 
-    known = field_list("rt" if ctx.params.get("center") else "xy", has_heat=True, has_stress=True)
+    known = field_list("rt" if ctx.params.get("center") else "xy", Known(True, True, True))
     return _beginning(incomplete, (field.name for field in known))
 
 

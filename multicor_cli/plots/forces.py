@@ -29,6 +29,8 @@ from multicor_cli.plots.style import (
     show_decades,
 )
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
+from multicor_cli.post.grain_map import GrainScene
+from multicor_cli.post.heat_network import HeatNetwork
 from multicor_cli.post.mobilization import Mobilization
 from multicor_cli.text import with_error
 
@@ -36,10 +38,10 @@ from multicor_cli.text import with_error
 
 _POINTS = 72.0  # points per inch
 _WIDTH = 0.15  # width of the line of a mean force over the mean diameter
-_SHOWN = (1.0, 3.0)  # forces over the mean whose lines the legend shows
+SHOWN = (1.0, 3.0)
+"""Forces, or heat flows, over the mean whose lines the legend shows."""
 LEGEND = 0.62
-"""Room for the legend of a network [inch]."""
-
+"""Room for the legend [inch]."""
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
@@ -59,13 +61,10 @@ def explain_network(
     """A legend above the figure: colors by what they mean, and widths of lines."""
     from matplotlib.lines import Line2D
 
-    unit, width = _unit_of(network, unit), _unit_width(axes, network)
     handles = [Line2D([], [], color=color, linewidth=2.0) for color in names.values()]
-    handles += [
-        Line2D([], [], color="0.2", linewidth=times * width, solid_capstyle="butt")
-        for times in _SHOWN
-    ]
-    labels = [*names, *(f"{times * unit:.2g} N" for times in _SHOWN)]
+    handles += lines_shown(axes, network.scene)
+    shown = _mean_size(network) if unit is None else unit
+    labels = [*names, *(f"{times * shown:.2g} N" for times in SHOWN)]
     title = f"width: normal force, mean {_mean_size(network):.3g} N"
     axes.figure.legend(
         handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0,
@@ -87,7 +86,7 @@ def draw_network(
     if not network.i.size:
         return np.zeros(0)
     lines, which = segments(network)
-    width = line_widths(axes, network, unit)
+    width = line_widths(axes, network.scene, network.force[:, 0], unit=unit)
     color = np.where(network.sliding, COLORS[1], COLORS[0]) if colors is None else colors
     look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
     drawn = LineCollection(list(lines), capstyle="round", **look)
@@ -96,7 +95,7 @@ def draw_network(
     return width
 
 
-def segments(network: ForceNetwork) -> tuple[Floats, Any]:
+def segments(network: ForceNetwork | HeatNetwork) -> tuple[Floats, Any]:
     """Lines of contacts, with images across sides, shape ``(k, 2, 2)``; and their contacts."""
     middle, reach = 0.5 * (network.start + network.end), 0.5 * (network.end - network.start)
     which, shift = network.scene.lattice.images(middle, reach)
@@ -104,16 +103,29 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
     return lines + shift[:, np.newaxis], which
 
 
-def line_widths(axes: Any, network: ForceNetwork, unit: float | None = None) -> Floats:
-    """Widths of the lines [points], proportional to normal forces without sign, up to a limit."""
-    width = _unit_width(axes, network)
-    relative = np.abs(network.force[:, 0]) / _unit_of(network, unit)
-    return np.asarray(np.minimum(width * relative, _WIDEST / _WIDTH * width))
+def line_widths(
+    axes: Any, scene: GrainScene, size: Floats, widest: float = _WIDEST, unit: float | None = None
+) -> Floats:
+    """Widths of lines [points], proportional to sizes without sign, up to ``widest`` diameters.
+
+    A line of the size ``unit``, or of the mean one, is 0.15 mean diameters wide.
+    """
+    width, size = _unit_width(axes, scene), np.abs(size)
+    relative = size / (unit or size.mean() or 1.0)
+    return np.asarray(np.minimum(width * relative, widest / _WIDTH * width))
 
 
-def _unit_width(axes: Any, network: ForceNetwork) -> float:
-    """Width of the line of the mean force, or of the one that is given [points]."""
-    scene = network.scene
+def lines_shown(axes: Any, scene: GrainScene) -> list[Any]:
+    """Lines for a legend, of `SHOWN` times the mean size."""
+    from matplotlib.lines import Line2D
+
+    width = _unit_width(axes, scene)
+    look: dict[str, Any] = {"color": "0.2", "solid_capstyle": "butt"}
+    return [Line2D([], [], linewidth=times * width, **look) for times in SHOWN]
+
+
+def _unit_width(axes: Any, scene: GrainScene) -> float:
+    """Width of the line of the mean size, or of the one that is given [points]."""
     inches = axes.figure.get_size_inches()
     per_meter = float(min(inches / (scene.box[1] - scene.box[0]))) * _POINTS
     return _WIDTH * 2.0 * float(scene.radius.mean()) * per_meter
@@ -122,10 +134,6 @@ def _unit_width(axes: Any, network: ForceNetwork) -> float:
 def _mean_size(network: ForceNetwork) -> float:
     """Mean normal force without sign [N]."""
     return float(np.abs(network.force[:, 0]).mean())
-
-
-def _unit_of(network: ForceNetwork, unit: float | None) -> float:
-    return _mean_size(network) if unit is None else unit
 
 
 def forces_text(network: ForceNetwork, terminal: Terminal, *, unit: float | None = None) -> str:

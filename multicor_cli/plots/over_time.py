@@ -25,10 +25,12 @@ from multicor_cli.post.cell_rheology import CellRheology
 from multicor_cli.post.conductivity import Conductivity
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
+from multicor_cli.post.layer_conductivity import LayerConductivity, LayerFlow
 from multicor_cli.post.mean_heat import MeanHeat
 from multicor_cli.post.region import RegionTable
 from multicor_cli.post.rheology import Rheology
 from multicor_cli.post.table import TimeTable
+from multicor_cli.post.wall_heat import WallHeatTable
 from multicor_cli.text import unit_sign, with_error
 
 _LOW = 8  # rows of a chart of letters, of which several are shown
@@ -245,7 +247,7 @@ def draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> Non
     from matplotlib.patches import Patch
 
     grid.flat[0].locator_params(axis="x", nbins=4)  # shared; times may have many digits
-    for panel, (label, quantities) in zip(grid.flat, panels, strict=True):
+    for panel, (label, quantities) in zip(grid.flat, panels, strict=False):
         for color, (name, text) in zip(COLORS, quantities, strict=False):
             _draw_quantity(panel, table, name, text, color)
         panel.set_ylabel(label)
@@ -367,6 +369,96 @@ def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
     )
 
 
+_OF_LAYER: Panels = (
+    ("of a square $K$ [W/K]", (("square", "all"), ("square_bulk", "bulk"))),
+    ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
+    ("from wall to wall $G$ [W/K]", (("conductance", ""),)),
+    ("$K/H$ [–]", (("over_contact", ""),)),
+    ("pressure $P$ [N/m]", (("pressure", ""),)),
+    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
+    ("contacts per grain $Z$ [–]", (("coordination", ""),)),
+    ("joined to the walls [–]", (("joined", ""),)),
+)
+_OF_LAYER_FLOW: Panels = (
+    (
+        "heat flow [W]",
+        (("flow", "through"), ("stored", "stored")),
+    ),
+    (r"$\Delta T$ [K]", (("difference", ""),)),
+    ("of a square $K$ [W/K]", (("flow_square", ""),)),
+    ("stored over through [–]", (("unsteadiness", ""),)),
+)
+
+
+def draw_layer(figure: Any, table: LayerConductivity) -> None:
+    """Draw the panels of the contacts of a layer into a matplotlib figure."""
+    draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_LAYER)
+
+
+def layer_text(table: LayerConductivity, _terminal: Terminal) -> str:
+    """Conductance of a layer and its contacts over time, in low charts."""
+    charts = (("of a square [W/K]", ("square", "square_bulk")), (_CONTACTS, ("coordination",)))
+    return draw_charts(
+        (label, [TextLine(name, table.time, table.values[name]) for name in names])
+        for label, names in charts
+    )
+
+
+def draw_layer_flow(figure: Any, table: LayerFlow) -> None:
+    """Draw the panels of what flows through a layer into a matplotlib figure."""
+    draw_panels(figure, figure.subplots(2, 2, sharex=True), table, _OF_LAYER_FLOW)
+
+
+def layer_flow_text(table: LayerFlow, _terminal: Terminal) -> str:
+    """Flows and conductance over time, in low charts."""
+    charts = (("heat flow [W]", ("flow", "stored")), ("of a square [W/K]", ("flow_square",)))
+    return draw_charts(
+        (label, [TextLine(name, table.time, table.values[name]) for name in names])
+        for label, names in charts
+    )
+
+
+# ---- Heat transfer between walls and a bed over time, in the same way
+
+_OF_WALLS = (
+    ("heat flow $Q$ [W]", "flow"),
+    (r"$T_\mathrm{wall} - T_\mathrm{bed}$ [K]", "difference"),
+    ("$h$ [W/(m² K)]", "coefficient"),
+    ("Nusselt number [–]", "nusselt"),
+    ("wetted length $L$ [m]", "wetted"),
+    (r"$T_\mathrm{bed}$ [K]", "bed"),
+)
+
+
+def draw_wall_heat(figure: Any, table: WallHeatTable) -> None:
+    """Draw a panel for each quantity with a line for each wall; at most `COLORS` of them."""
+    if len(table.walls) > len(COLORS):
+        raise PlotError(
+            f"the lines of {len(table.walls)} walls cannot be told apart: choose with --wall"
+        )
+    panels = [
+        (label, [(f"{wall}: {name}", wall if table.walls[1:] else "") for wall in table.walls])
+        for label, name in _OF_WALLS
+        if f"{table.walls[0]}: {name}" in table.values
+    ]
+    grid = figure.subplots(3, 2, sharex=True)
+    for panel in grid.flat[len(panels) :]:
+        panel.set_axis_off()
+    draw_panels(figure, grid, table, panels)
+
+
+def wall_heat_text(table: WallHeatTable, _terminal: Terminal) -> str:
+    """Coefficients and temperature differences over time, in low charts."""
+    charts = (("h [W/(m² K)]", "coefficient"), ("wall less bed [K]", "difference"))
+    return draw_charts(
+        (
+            label,
+            [TextLine(wall, table.time, table.values[f"{wall}: {name}"]) for wall in table.walls],
+        )
+        for label, name in charts
+    )
+
+
 # ---- Mean heat flux over time, in the same way
 
 _OF_FLUX: Panels = (
@@ -414,6 +506,9 @@ FIGURES = {
     Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),
     CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
     Conductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_conductivity, conductivity_text),
+    LayerConductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_layer, layer_text),
+    LayerFlow: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_layer_flow, layer_flow_text),
+    WallHeatTable: Renderer(lambda _: (PAGE, 0.72 * PAGE), draw_wall_heat, wall_heat_text),
     MeanHeat: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_mean_heat, mean_heat_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),
 }

@@ -41,6 +41,14 @@ from multicor_cli.post.grain_map import GrainMap as GrainMap
 from multicor_cli.post.grain_map import GrainScene as GrainScene
 from multicor_cli.post.grain_map import grain_map as grain_map
 from multicor_cli.post.grain_map import make_scene as make_scene
+from multicor_cli.post.heat_network import HeatNetwork as HeatNetwork
+from multicor_cli.post.heat_network import heat_network as heat_network
+from multicor_cli.post.hot_spots import HotSpots as HotSpots
+from multicor_cli.post.hot_spots import hot_spots as hot_spots
+from multicor_cli.post.layer_conductivity import LayerConductivity as LayerConductivity
+from multicor_cli.post.layer_conductivity import LayerFlow as LayerFlow
+from multicor_cli.post.layer_conductivity import layer_conductivity as layer_conductivity
+from multicor_cli.post.layer_conductivity import layer_flow as layer_flow
 from multicor_cli.post.lifetimes import LIFETIMES as LIFETIMES
 from multicor_cli.post.lifetimes import Lifetimes as Lifetimes
 from multicor_cli.post.lifetimes import lifetimes as lifetimes
@@ -79,3 +87,5 @@ from multicor_cli.post.theta_eta import ThetaTable as ThetaTable
 from multicor_cli.post.theta_eta import theta_eta as theta_eta
 from multicor_cli.post.voronoi import VoronoiTable as VoronoiTable
 from multicor_cli.post.voronoi import voronoi as voronoi
+from multicor_cli.post.wall_heat import WallHeatTable as WallHeatTable
+from multicor_cli.post.wall_heat import wall_heat as wall_heat

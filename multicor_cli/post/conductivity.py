@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +10,15 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.optional import library
-from multicor_cli.post.contacts import conducting_contacts, has_forces, loaded_contacts
+from multicor_cli.post.contacts import (
+    NOTHING_CONDUCTS,
+    conducting_contacts,
+    has_forces,
+    loaded_contacts,
+    with_conduction,
+)
 from multicor_cli.post.lattice import lattice_of
+from multicor_cli.post.materials import left_out
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -22,7 +28,6 @@ from multicor_cli.post.source import (
     frames_told,
     model_of,
     need_grains,
-    need_heat,
 )
 from multicor_cli.post.table import Quantity, TimeTable
 
@@ -75,25 +80,41 @@ class Network(NamedTuple):
             MissingLibrary: If SciPy is not installed.
         """
         links, cluster = self.clusters()
-        both = links + links.T
-        balance = library("scipy.sparse").diags_array(both.sum(axis=1)) - both
         is_free = np.ones(self.nodes, np.bool_)
         is_free[np.unique(cluster, return_index=True)[1]] = False
-        periodic = np.zeros((self.nodes, 2))
-        if is_free.any():
-            pull = self.conductance[:, np.newaxis] * self.branch
-            inflow = np.column_stack(
-                [
-                    np.bincount(self.j, along, self.nodes) - np.bincount(self.i, along, self.nodes)
-                    for along in pull.T
-                ]
-            )
-            direct = library("scipy.sparse.linalg").splu(
-                balance.tocsc()[:, is_free][is_free],
-                permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True},
-            )  # fmt: skip
-            periodic[is_free] = direct.solve(inflow[is_free])
+        pull = self.conductance[:, np.newaxis] * self.branch
+        inflow = np.column_stack(
+            [
+                np.bincount(self.j, along, self.nodes) - np.bincount(self.i, along, self.nodes)
+                for along in pull.T
+            ]
+        )
+        periodic = _balanced(links, is_free, inflow)
         return self._dissipated(self.branch + periodic[self.i] - periodic[self.j])
+
+    def between(self, hot: int, cold: int) -> tuple[float, Floats]:
+        """Conductance from one node to another [W/K], and temperatures of all, shape ``(n,)``.
+
+        The first node has the temperature 1, the second 0, all others keep no heat:
+        Σ_j H_ij (T_i − T_j) = 0. Where no heat can come from or go to it is nan. The conductance is
+        the heat dissipated, Σ H (T_i − T_j)².
+
+        Raises:
+            MissingLibrary: If SciPy is not installed.
+        """
+        links, cluster = self.clusters()
+        is_known = np.isin(cluster, cluster[[hot, cold]])
+        is_free = is_known.copy()
+        is_free[[hot, cold]] = False
+        inflow = np.zeros((self.nodes, 1))
+        for near, far in ((self.i, self.j), (self.j, self.i)):
+            inflow[:, 0] += np.bincount(far, self.conductance * (near == hot), self.nodes)
+        temperature = _balanced(links, is_free, inflow)[:, 0]
+        temperature[hot] = 1.0
+        apart = temperature[self.i] - temperature[self.j]
+        is_joined = cluster[hot] == cluster[cold]
+        conductance = float((self.conductance * apart**2).sum()) if is_joined else 0.0
+        return conductance, np.where(is_known, temperature, np.nan)
 
     def linear(self) -> Floats:
         """K [W/K], shape ``(2, 2)``, if temperatures were G·r: no less than that of `square`."""
@@ -102,6 +123,23 @@ class Network(NamedTuple):
     def _dissipated(self, difference: Floats) -> Floats:
         found = np.einsum("c,ca,cb->ab", self.conductance, difference, difference)
         return np.asarray(found / self.area)
+
+
+def _balanced(links: Any, is_free: NDArray[np.bool_], inflow: Floats) -> Floats:
+    """Temperatures of nodes into which this heat comes from elsewhere, ``(n, k)``; 0 if not free.
+
+    ``links`` are conductances, once per link, as `Network.clusters` gives them.
+    """
+    found = np.zeros(inflow.shape)
+    if is_free.any():
+        both = links + links.T
+        balance = library("scipy.sparse").diags_array(both.sum(axis=1)) - both
+        direct = library("scipy.sparse.linalg").splu(
+            balance.tocsc()[:, is_free][is_free],
+            permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True},
+        )  # fmt: skip
+        found[is_free] = direct.solve(inflow[is_free])
+    return found
 
 
 # ---- What is measured in a frame
@@ -182,32 +220,21 @@ def conductivity(source: Run, selection: Selection | None = None) -> Conductivit
     if not model.is_cell:
         raise PostError(
             "conductivity needs a cell that is periodic in x and y, where one gradient holds "
-            'everywhere: give [domain] periodic = ["x", "y"]; between walls, see post theta-eta'
+            'everywhere: give [domain] periodic = ["x", "y"]; between walls, see layer_conductivity'
         )
-    if model.thermal is None:
-        need_heat(None)
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
-    is_known = [f.contacts.recorded and f.step > 0 for f in frames_of(source, chosen)]
-    if not any(is_known):
-        raise PostError(
-            "these frames have no contacts, which begin with the first step and need contacts = "
-            "true in [output]: choose other frames, or run it again"
-        )
-    counted = chosen[is_known]
+    counted = with_conduction(source, chosen)
     rows = [_measure(model_of(source, frame), frame) for frame in frames_of(source, counted)]
     values = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     if not values["coordination"].any():
-        raise PostError(
-            "no contact conducts in these frames: grains are apart, heat is off in the stage, or "
-            'conduction is "none" in [heat]; choose other frames, or run it again'
-        )
+        raise PostError(NOTHING_CONDUCTS)
     thickness = thickness_of(model)
     values |= {f"conductivity_{k}": values[f"square_{k}"] / thickness for _, _, k in _AXES}
     shown = QUANTITIES if np.isfinite(thickness) else (*_OF_FRAMES, *_RATIOS)
     facts = {
         **{name: float(values[name].mean()) for name in ("width", "height")},
-        "thickness": thickness, "left_out": _left_out(source), **frames_told(source, counted),
+        "thickness": thickness, "left_out": left_out(source), **frames_told(source, counted),
     }  # fmt: skip
     times = np.asarray(source.frames.time, np.float64)[counted]
     quantities = [q.over_time(values[q.name]) for q in shown]
@@ -216,9 +243,8 @@ def conductivity(source: Run, selection: Selection | None = None) -> Conductivit
 
 def _measure(model: Model, frame: Frame) -> dict[str, float]:
     """Width and height of the cell of a frame, and `QUANTITIES` but for conductivities."""
-    lattice, contacts = lattice_of(model, frame), conducting_contacts(frame, model)
+    lattice, (contacts, h) = lattice_of(model, frame), conducting_contacts(frame, model)
     n, area = model.grain_count, lattice.area
-    h = np.asarray(frame.contacts.conductance, np.float64)[contacts.row]
     network = Network(contacts.i, contacts.j, h, contacts.branch, n, area)
     square, contact = network.square(), float(h.mean()) if h.size else np.nan
     mean, linear = 0.5 * np.trace(square), 0.5 * np.trace(network.linear())
@@ -248,14 +274,3 @@ def thickness_of(model: Model) -> float:
     thickness = model.thermal.surface / (2.0 * np.pi * model.grains.radius)
     is_one = model.shape_factor == SHAPE_FACTOR["disc"] and np.ptp(thickness) < 1e-9 * thickness[0]
     return float(thickness[0]) if is_one else np.nan
-
-
-def _left_out(source: Run) -> str:
-    """What conducts beside the contacts, in the scenario of the run; empty if nothing does."""
-    heat = tomllib.loads(source.scenario_resolved).get("heat", {})
-    ways = []
-    if "gas" in heat:
-        ways.append("the gas in the gaps")
-    if heat.get("radiation", {}).get("neighbors"):
-        ways.append("radiation between neighbors")
-    return " and ".join(ways)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,11 @@ class LoadedContacts:
     rows: Contacts
     reach_of: Floats
     grain_count: int
+
+    def only(self, which: NDArray[np.int64]) -> LoadedContacts:
+        """These of them."""
+        kept = {name: getattr(self, name)[which] for name in ("i", "j", "force", "row")}
+        return replace(self, **kept)
 
     @cached_property
     def normal(self) -> Floats:
@@ -116,11 +121,54 @@ def loaded_contacts(frame: Frame, model: Model) -> LoadedContacts:
     return _contacts(frame, model, np.flatnonzero(force[:, 0]), force)
 
 
-def conducting_contacts(frame: Frame, model: Model) -> LoadedContacts:
-    """The contacts of a frame between grains that conduct heat; ``PostError`` without heat."""
+def conducting_contacts(
+    frame: Frame, model: Model, *, has_walls: bool = False
+) -> tuple[LoadedContacts, Floats]:
+    """The contacts of a frame that conduct heat, and their conductances [W/K], ``(c,)``.
+
+    Those between grains, and those with walls if asked for; raises `PostError` without heat.
+    """
     conductance = need_heat(frame.contacts.conductance)
-    row = np.flatnonzero((conductance > 0.0) & (frame.contacts.j < model.grain_count))
-    return _contacts(frame, model, row, np.asarray(frame.contacts.force, np.float64))
+    is_asked = has_walls | (frame.contacts.j < model.grain_count)
+    row = np.flatnonzero((conductance > 0.0) & is_asked)
+    force = np.asarray(frame.contacts.force, np.float64)
+    return _contacts(frame, model, row, force), conductance[row]
+
+
+class HeatFlows(NamedTuple):
+    """Contacts through which heat flows, and how much from j into i [W], shape ``(c,)``."""
+
+    contacts: LoadedContacts
+    flow: Floats
+
+    def virial(self, axis: int) -> Floats:
+        """Heat flow times its branch along an axis [W m], shape ``(c,)``.
+
+        The branch leads from j to i, as the heat does. Its sum over an area is the flux times the
+        area (Irving & Kirkwood 1950).
+        """
+        return np.asarray(self.flow * self.contacts.branch[:, axis])
+
+
+def has_conduction(frame: Frame) -> bool:
+    """Whether the contacts of a frame with heat say what they conduct: recorded, after a step."""
+    return bool(frame.contacts.recorded) and frame.step > 0
+
+
+def heat_flows(frame: Frame, model: Model) -> HeatFlows:
+    """What the contacts of a frame conduct, H (T_j − T_i), with temperatures of the frame.
+
+    In a cell with a mean gradient G, where temperatures are those beside it, it is
+    H (T_j − T_i − G·ℓ) with the branch ℓ from j to i. A wall without temperature conducts nothing.
+    """
+    contacts, conductance = conducting_contacts(frame, model, has_walls=True)
+    of_walls = need_heat(frame.wall_temperature)[model.shapes.wall]
+    temperature = np.concatenate([need_heat(frame.temperature), of_walls])
+    rise = temperature[contacts.j] - temperature[contacts.i]
+    if any(model.heat_gradient):
+        rise -= contacts.branch @ np.array(model.heat_gradient)
+    known = np.flatnonzero(np.isfinite(rise))
+    return HeatFlows(contacts.only(known), (conductance * rise)[known])
 
 
 def _contacts(frame: Frame, model: Model, row: NDArray[np.int64], force: Floats) -> LoadedContacts:
@@ -145,3 +193,27 @@ def with_forces(source: Run, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
         )
     why = "no step of the mechanics was done before (frozen stages do none)"
     raise PostError(f"there are no contact forces in {name}: {why}; choose other frames")
+
+
+def with_conduction(source: Run, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of the frames ``chosen`` whose contacts say what they conduct.
+
+    Raises:
+        PostError: If the run has no heat, or if there is none.
+    """
+    if source.model.thermal is None:
+        need_heat(None)
+    found = [int(k) for k in chosen if has_conduction(source.frames[int(k)])]
+    if not found:
+        raise PostError(
+            "these frames have no contacts, which begin with the first step and need contacts = "
+            "true in [output]: choose other frames, or run it again"
+        )
+    return np.array(found, np.int64)
+
+
+NOTHING_CONDUCTS = (
+    "no contact conducts in these frames: grains are apart, heat is off in the stage, or "
+    'conduction is "none" in [heat]; choose other frames, or run it again'
+)
+"""What is said of frames without conducting contacts."""

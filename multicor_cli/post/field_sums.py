@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.post.contacts import loaded_contacts
+from multicor_cli.post.contacts import heat_flows, loaded_contacts
 from multicor_cli.post.lattice import Lattice, gradient_of, relative_velocity
 from multicor_cli.post.source import Frame, PostError, Run, model_of
 from multicor_cli.post.table import Quantity
@@ -256,6 +256,7 @@ _GRAINS = ("area", "mass", "p0", "p1", "spin", "k00", "k01", "k11")
 _HEAT = ("capacity", "energy")
 _SLOPES = ("m_0", "m_1", "p0_0", "p0_1", "p1_0", "p1_1")
 _STRESS = ("s00", "s01", "s10", "s11")
+_FLUX = ("q0", "q1")
 _WHICH = {"x": "horizontal", "y": "vertical", "r": "radial", "t": "azimuthal"}
 Pairs = tuple[tuple[int, int], ...]
 _ALL: Pairs = ((0, 0), (0, 1), (1, 0), (1, 1))
@@ -269,7 +270,15 @@ class Field(Quantity):
     is_signed: bool = False
 
 
-def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
+class Known(NamedTuple):
+    """Whether frames have temperatures, forces of contacts, and heat flows of contacts."""
+
+    heat: bool
+    stress: bool
+    flux: bool
+
+
+def field_list(axes: str, known: Known) -> list[Field]:
     """The fields that there are, with their components along the local axes."""
     tex = [r"\theta" if axis == "t" else axis for axis in axes]
 
@@ -298,9 +307,15 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
         Field("granular-temperature", "granular temperature", r"T_g", "m2/s2"),
         *tensor("kinetic-stress", r"\sigma^\mathrm{kin}", "N/m"),
     ]
-    if has_heat:
+    if known.heat:
         found.append(Field("temperature", "temperature", "T", "K"))
-    if has_stress:
+    if known.flux:
+        found += [
+            Field(f"heat-flux-{k}", f"{_WHICH[k]} heat flux of contacts", f"q_{t}", "W/m", True)
+            for k, t in zip(axes, tex, strict=True)
+        ]
+        found.append(Field("heat-flux", "heat flux of contacts", r"|\mathbf{q}|", "W/m"))
+    if known.stress:
         found.append(Field("pressure", "contact pressure", "p", "N/m"))
         found += tensor("stress", r"\sigma", "N/m", _ALL)
         found += [
@@ -311,13 +326,14 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
     return found
 
 
-def column_names(*, has_heat: bool, has_stress: bool) -> tuple[str, ...]:
+def column_names(known: Known) -> tuple[str, ...]:
     """Names of the densities of a frame."""
-    return (*_GRAINS, *_SLOPES, *(_HEAT if has_heat else ()), *(_STRESS if has_stress else ()))
+    more = zip(known, (_HEAT, _STRESS, _FLUX), strict=True)
+    return (*_GRAINS, *_SLOPES, *(name for is_there, names in more if is_there for name in names))
 
 
 def frame_sums(
-    source: Run, frame: Frame, points: FieldPoints, coarse: CoarseGrid, *, has_stress: bool
+    source: Run, frame: Frame, points: FieldPoints, coarse: CoarseGrid, known: Known
 ) -> Floats:
     """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
     model = model_of(source, frame)
@@ -328,11 +344,17 @@ def frame_sums(
         capacity = model.thermal.capacity
         energy = capacity * np.asarray(frame.temperature)
         columns += [*coarse.densities(position, np.column_stack([capacity, energy])).T]
-    if has_stress:
+    turned = np.cos(points.turn), np.sin(points.turn)
+    if known.stress:
         contacts = loaded_contacts(frame, model)
         virial = np.column_stack([contacts.virial(a, b) for a, b in _ALL])
         xx, xy, yx, yy = coarse.densities_along(position[contacts.i], -contacts.branch, virial).T
-        columns += _tensor(xx, xy, yx, yy, np.cos(points.turn), np.sin(points.turn))
+        columns += _tensor(xx, xy, yx, yy, *turned)
+    if known.flux:
+        flows = heat_flows(frame, model)
+        contacts, carried = flows.contacts, np.column_stack([flows.virial(a) for a in (0, 1)])
+        x, y = coarse.densities_along(position[contacts.i], -contacts.branch, carried).T
+        columns += _vector(x, y, *turned)
     weight = np.bincount(points.row)
     return np.column_stack([np.bincount(points.row, column) / weight for column in columns])
 
@@ -413,6 +435,9 @@ def derive(sums: Floats, names: tuple[str, ...], axes: str, diameter: float) -> 
         found |= {f"stress-{axes[i]}{axes[j]}": s[f"s{i}{j}"] for i in (0, 1) for j in (0, 1)}
         with np.errstate(invalid="ignore", divide="ignore"):
             found |= _rheology(s, kinetic, found["shear-rate"], diameter)
+    if "q0" in s:
+        found |= {f"heat-flux-{axes[i]}": s[f"q{i}"] for i in (0, 1)}
+        found["heat-flux"] = np.hypot(s["q0"], s["q1"])
     is_empty = ~(m > 0.0)
     return {
         name: np.where(is_empty & (name != "solid-fraction"), np.nan, values)

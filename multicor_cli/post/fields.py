@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post import field_sums
-from multicor_cli.post.contacts import has_forces
+from multicor_cli.post.contacts import has_conduction, has_forces
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
@@ -72,6 +72,7 @@ def fields(
     stresses fall off within its reach, velocities and temperatures do not. Kinetic stress and
     granular temperature are those of velocities relative to the mean at the point, over time; a
     gradient of the mean counts too, with about the square of the reach. Glued grains do not count.
+    The heat flux is that of contacts; see `multicor_cli.post.contacts.heat_flows`.
 
     Args:
         source: The run.
@@ -79,7 +80,8 @@ def fields(
             velocities along a line. Along a line ``velocity``, ``stress``, ``strain-rate`` and
             ``kinetic-stress`` stand for all their components.
         selection: Which frames; default: the later half of the last stage. If forces belong to any
-            of them, the others are left out; if to none, there are no stresses.
+            of them, the others are left out; if to none, there are no stresses. Heat fluxes are
+            there if all the rest have contacts and heat.
         spacing: Distance of the points in mean diameters.
         reach: How far the kernel reaches in mean diameters.
         center: Center of a polar grid or of rings [m]; then components are radial and azimuthal.
@@ -103,8 +105,9 @@ def fields(
     chosen = np.array(with_stress, np.int64) if has_stress else chosen
     points = _points(source, chosen, spacing * diameter, center, along, is_radial=is_radial)
     has_heat = source.model.thermal is not None
-    names = field_sums.column_names(has_heat=has_heat, has_stress=has_stress)
-    known = tuple(field_sums.field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
+    has_flux = has_heat and all(map(has_conduction, frames_of(source, chosen)))
+    there = field_sums.Known(has_heat, has_stress, has_flux)
+    names, known = field_sums.column_names(there), tuple(field_sums.field_list(points.axes, there))
     default = ["solid-fraction"] if points.is_grid else [f"velocity-{axis}" for axis in points.axes]
     wanted = _wanted(of or default, known, is_grid=points.is_grid)
     times = np.asarray(source.frames.time)[chosen]
@@ -114,7 +117,7 @@ def fields(
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
             coarse = field_sums.CoarseGrid(points.at, reach * diameter, lattice)
-        sums = field_sums.frame_sums(source, frame, points, coarse, has_stress=has_stress)
+        sums = field_sums.frame_sums(source, frame, points, coarse, there)
         blocks.add(sums)
 
     def derive(sums: Floats) -> dict[str, Floats]:
@@ -140,10 +143,10 @@ def fields(
     ]
     if points.is_grid:  # a row for each field
         labels = [with_unit(field.label, field.unit) for field in known]
-        there = [values[field.name][np.isfinite(values[field.name])] for field in known]
+        finite = [values[field.name][np.isfinite(values[field.name])] for field in known]
         columns = [Column("quantity", "", labels, key="")]
         for name, of_all in (("mean", np.mean), ("smallest", np.min), ("largest", np.max)):
-            found = [float(of_all(value)) if value.size else np.nan for value in there]
+            found = [float(of_all(value)) if value.size else np.nan for value in finite]
             columns.append(Column(name, "", found, key=""))
         uncertain = [_median_ratio(error[f.name], values[f.name]) for f in known]
         columns.append(Column("relative", "", uncertain, "relative error", ""))

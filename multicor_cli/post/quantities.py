@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
+from multicor_cli.post.contacts import (
+    LoadedContacts,
+    heat_flows,
+    loaded_contacts,
+    with_conduction,
+    with_forces,
+)
 from multicor_cli.post.flow import fluctuations
 from multicor_cli.post.nonaffine import d2min
 from multicor_cli.post.source import (
@@ -210,6 +216,24 @@ def _d2min(source: Run, frame: int) -> Floats:
     return d2min(model_of(source, there), source.frames[frame - 1], there)
 
 
+def _heat_flux(source: Run, frame: int) -> Floats:
+    """Flux of the heat that the contacts of each grain conduct [W/m], shape ``(n, 2)``.
+
+    Heat flow times branch, of which each of two grains has half and one beside a wall all, over the
+    area of the grain: its mean by area times the solid fraction is the flux in a bed.
+    """
+    with_conduction(source, np.array([frame]))
+    model = model_of(source, source.frames[frame])
+    flows = heat_flows(source.frames[frame], model)
+    contacts, n, flux = flows.contacts, model.grain_count, np.zeros((model.grain_count, 2))
+    part, between = np.where(contacts.is_wall, 1.0, 0.5), ~contacts.is_wall
+    for axis in (0, 1):
+        carried = part * flows.virial(axis)
+        flux[:, axis] = np.bincount(contacts.i, carried, n)
+        flux[:, axis] += np.bincount(contacts.j[between], carried[between], n)
+    return np.asarray(flux / (np.pi * model.grains.radius**2)[:, np.newaxis])
+
+
 def _stress(a: int, b: int) -> GrainQuantity:
     """Contact stress Σ f_a ℓ_b/area, force on a grain times branch to it; compression positive."""
     axes = "xy"[a] + "xy"[b]
@@ -277,6 +301,8 @@ QUANTITIES: dict[str, GrainQuantity] = {
             averaged=lambda frame, _model: need_heat(frame.generated), kind="rate",
             per_area=(r"\dot{q}", "W/m2"),
         ),
+        GrainQuantity("heat-flux", "heat flux of contacts", r"|q|", "W/m", _heat_flux, "plasma",
+            "from zero", needs_heat=True),
         GrainQuantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s",
             fluctuations, scale="from zero"),
         GrainQuantity("solid-fraction", "solid fraction", r"\nu", "1",

@@ -72,6 +72,17 @@ def need_heat(values: NDArray[Any] | None) -> Floats:
     return np.asarray(values, np.float64)
 
 
+def wall_temperatures(source: Run, chosen: NDArray[np.int64]) -> Floats:
+    """Temperatures of the walls in frames [K], shape ``(f, w)``; nan where none is prescribed.
+
+    Before the first step walls have none yet: a frame of the start has those of the next one.
+    """
+    found = np.array([need_heat(frame.wall_temperature) for frame in frames_of(source, chosen)])
+    if chosen.size > 1 and source.frames[int(chosen[0])].step == 0:
+        found[0] = found[1]
+    return found
+
+
 def frame_index(frames: Frames, frame: int) -> int:
     """A frame counted from the first one, of one that may count from the last.
 

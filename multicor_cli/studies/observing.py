@@ -29,6 +29,14 @@ from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.fabric import QUANTITIES as OF_FABRIC
 from multicor_cli.post.fabric import fabric
 from multicor_cli.post.grain_map import grain_map
+from multicor_cli.post.heat_network import HEAT_SUMMARY, heat_network
+from multicor_cli.post.hot_spots import SPOT_QUANTITIES, hot_spots
+from multicor_cli.post.layer_conductivity import (
+    FLOW_QUANTITIES,
+    LAYER_QUANTITIES,
+    layer_conductivity,
+    layer_flow,
+)
 from multicor_cli.post.lifetimes import LIFETIMES, lifetimes
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES, mean_heat
 from multicor_cli.post.mixing import MIXING, mixing
@@ -46,6 +54,7 @@ from multicor_cli.post.table import TimeTable
 from multicor_cli.post.theta_eta import theta_eta
 from multicor_cli.post.voronoi import QUANTITIES as OF_CELLS
 from multicor_cli.post.voronoi import voronoi
+from multicor_cli.post.wall_heat import WALL_QUANTITIES, wall_heat
 from multicor_cli.scenario.problems import KeyPath, Refused
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.stages import UntilStrain
@@ -105,11 +114,38 @@ def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
 
 def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
     name = str(row.value)
-    of_flux = name in _OF_FLUX
-    found = mean_heat(run, selection) if of_flux else conductivity(run, selection)
+    measure: Callable[[Run, Selection], TimeTable]
+    if run.model.is_cell:
+        measure = mean_heat if name in _OF_FLUX else conductivity
+    else:
+        measure = layer_flow if name in _THROUGH_LAYER else layer_conductivity
+    found = measure(run, selection)
     if name not in found.mean:
         raise Unobservable(f"the run has no {name}: its grains are no discs of one thickness")
     return Number(found.mean[name], found.error[name])
+
+
+def _wall_heat(run: Run, row: Observable, selection: Selection) -> Number:
+    found = wall_heat(run, selection)
+    if len(found.walls) > 1:
+        raise Unobservable(f"several walls have a temperature: {', '.join(found.walls)}")
+    name = f"{found.walls[0]}: {row.value}"
+    if name not in found.mean:
+        raise Unobservable(f"the run has no {row.value}: its grains have several conductivities")
+    return Number(found.mean[name], found.error[name])
+
+
+def _hot_spots(run: Run, row: Observable, selection: Selection) -> Number:
+    found, name = hot_spots(run, selection), str(row.value)
+    if name not in found.mean:
+        raise Unobservable(
+            f"the run has no {name}: no material has a temperature of ignition or melting"
+        )
+    return Number(found.mean[name], found.error[name])
+
+
+def _heat_network(run: Run, row: Observable, _selection: Selection) -> Number:
+    return Number(float(heat_network(run).summary[str(row.value)]))
 
 
 def _diffusion(run: Run, row: Observable, selection: Selection) -> Number:
@@ -231,7 +267,11 @@ _CLOSURES = ("energy_closure", "heat_closure")
 _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
 _OF_NETWORK = tuple(quantity.name for quantity in OF_CONDUCTIVITY)
 _OF_FLUX = tuple(quantity.name for quantity in FLUX_QUANTITIES)
-_OF_HEAT = (*_OF_NETWORK, *_OF_FLUX)
+_IN_LAYER = tuple(quantity.name for quantity in LAYER_QUANTITIES)
+_THROUGH_LAYER = tuple(quantity.name for quantity in FLOW_QUANTITIES)
+_OF_HEAT = tuple(dict.fromkeys((*_OF_NETWORK, *_OF_FLUX, *_IN_LAYER, *_THROUGH_LAYER)))
+_AT_WALLS = tuple(quantity.name for quantity in WALL_QUANTITIES)
+_OF_SPOTS = tuple(quantity.name for quantity in SPOT_QUANTITIES)
 _OF_CELLS = tuple(quantity.name for quantity in OF_CELLS)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
@@ -245,6 +285,11 @@ SOURCES: dict[str, Source] = {
     "chains": Source(tuple(q.name for q in OF_CHAINS), _over_time(chains)),
     "clusters": Source(tuple(q.name for q in OF_CLUSTERS), _over_time(clusters)),
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
+    "heat-network": Source(
+        HEAT_SUMMARY, _heat_network, frozenset(HEAT_SUMMARY), is_of_one_frame=True
+    ),
+    "wall-heat": Source(_AT_WALLS, _wall_heat, frozenset(_AT_WALLS)),
+    "hot-spots": Source(_OF_SPOTS, _hot_spots, frozenset(_OF_SPOTS)),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
     "structure": Source(("first_peak", "first_peak_distance", *_OF_CELLS), _structure),
     "correlation": Source((*LENGTHS, "fluctuation"), _correlation),
@@ -335,7 +380,7 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             kind = "a cell" if is_cell else "a layer between walls"
             what = f"the rheology of {kind} has no {row.value}"
             yield Refused((*place, "value"), what, f"it has {', '.join(own)}")
-        if is_cell and row.post in ("region", "theta-eta"):
+        if is_cell and row.post in ("region", "theta-eta", "wall-heat"):
             yield Refused((*place, "post"), f"a cell has no {row.post}", "use rheology or profile")
         if row.post is not None and SOURCES[row.post].needs_shear and not is_cell:
             what = ""
@@ -355,11 +400,22 @@ def _about_heat(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator
         key = "value" if row.post else "series" if row.series else "info"
         what = f"{getattr(row, key)} needs heat"
         yield Refused((*place, key), what, "give the scenario a table [heat]")
-    if row.post == "conductivity" and not scenario.domain.is_cell:
-        what, remedy = "conductivity needs a cell", 'give [domain] periodic = ["x", "y"]'
-        yield Refused((*place, "post"), what, remedy)
+    if row.post == "conductivity":
+        yield from _about_conductivity(row, place, scenario)
+
+
+def _about_conductivity(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
+    is_cell = scenario.domain.is_cell
+    own = (*_OF_NETWORK, *_OF_FLUX) if is_cell else (*_IN_LAYER, *_THROUGH_LAYER)
+    if not is_cell and len(scenario.walls) < 2:
+        what = "conductivity needs a cell, or a wall below and a wall above the grains"
+        yield Refused((*place, "post"), what, 'give [domain] periodic = ["x", "y"], or walls')
+    elif row.value not in own:
+        kind = "a cell" if is_cell else "a layer between walls"
+        what = f"the conductivity of {kind} has no {row.value}"
+        yield Refused((*place, "value"), what, f"it has {', '.join(own)}")
     has_gradient = scenario.heat is None or scenario.heat.gradient is not None
-    if row.post == "conductivity" and row.value in _OF_FLUX and not has_gradient:
+    if is_cell and row.value in _OF_FLUX and not has_gradient:
         what = f"{row.value} needs a mean gradient of temperature"
         yield Refused((*place, "value"), what, "give [heat] one, as gradient = [0.0, 1000.0]")
 

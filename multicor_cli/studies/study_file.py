@@ -164,9 +164,9 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology", "fabric", "lifetimes", "chains", "clusters", "conductivity", "diffusion",
-            "structure", "correlation", "mixing", "residence", "avalanches", "region", "profile",
-            "theta-eta", "map", "forces", "energy"
+            "rheology", "fabric", "lifetimes", "chains", "clusters", "conductivity", "heat-network",
+            "wall-heat", "hot-spots", "diffusion", "structure", "correlation", "mixing",
+            "residence", "avalanches", "region", "profile", "theta-eta", "map", "forces", "energy"
         ]
         | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip

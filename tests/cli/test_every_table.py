@@ -335,6 +335,51 @@ def strayed(of, run, table):
     assert table["diameter"] == near(run.model.mean_diameter)
 
 
+def layer_network(of, run, table):
+    """Between the walls of a layer, of its contacts alone; other walls are none."""
+    low, high = lines(of, run)
+    mean = table["mean"]
+    assert (tuple(table["walls"]), table["height"]) == (of.bounds, near(high - low))
+    assert table["left_out"] == "the gas in the gaps"
+    if of.is_periodic:
+        assert mean["square"] == near(mean["conductance"] * (high - low) / PERIOD, 0.01)
+    assert 0.0 <= mean["joined"] <= 1.0
+    assert (mean["conductance"] > 0.0) == of.is_layer
+
+
+def heat_flows(of, run, table):
+    """What the hot wall gives by its contacts, one by one."""
+    frame = run.frames[-1]
+    contacts, given, number = frame.contacts, 0.0, 0
+    for i, j, conductance in zip(contacts.i, contacts.j, contacts.conductance, strict=True):
+        is_hot = j >= COUNT and run.model.shapes.wall[j - COUNT] == 0
+        number += conductance > 0.0 and (j < COUNT or is_hot)
+        given += conductance * (400.0 - frame.temperature[i]) if is_hot else 0.0
+    assert (table["contacts"], table["to_walls"]) == (number, 0.0)
+    assert table["from_walls"] == pytest.approx(given)
+
+
+def from_walls(of, run, table):
+    """All that the hot wall has given between the frames, over the time."""
+    first, *_, last = chosen(run)
+    name = next(iter(of.walls))
+    given = float(last.wall_heat[0, 0] - first.wall_heat[0, 0])
+    assert table["walls"] == [name]
+    assert table["mean"][f"{name}: flow"] == near(given / (last.time - first.time))
+    warm = table["mean"][f"{name}: bed"]
+    assert 299.9 < warm < 400.1
+    assert table["mean"][f"{name}: difference"] == near(400.0 - warm)
+    assert table["thickness"] == near(run.model.mean_diameter)
+
+
+def spots(of, run, table):
+    """Hotter than the coldest grain; ordered as quantiles are."""
+    mean = table["mean"]
+    assert 0.0 < mean["rise_50"] <= mean["rise_95"] <= mean["rise_99"] <= mean["rise_max"]
+    assert mean["spot_max"] > 300.0 + mean["rise_50"]
+    assert 0.0 < mean["sliding"] <= 1.0
+
+
 TABLES = {
     "profile": velocity,
     "profile --of temperature": temperature,
@@ -352,6 +397,10 @@ TABLES = {
     "chains": force_chains,
     "clusters": sliding,
     "conductivity": None,
+    "conductivity --network": layer_network,
+    "heat-network": heat_flows,
+    "wall-heat": from_walls,
+    "hot-spots": spots,
     "diffusion --margin 1": strayed,
     "structure --margin 0 --reach 1.2": neighbors,
     "mixing": None,
@@ -369,6 +418,24 @@ TABLES = {
 """Commands, and what tells whether their table is right."""
 
 
+ANYWHERE = {
+    "mixing": "mixing is one of several groups",
+    "residence": "no grain comes or goes in this run",
+}
+WITHOUT_WALLS = {
+    "forces --angles --frames -5:": "no two grains press on each other in these frames",
+    "forces --mobilization --frames -5:": "no contact between grains has friction",
+    "fabric": "no two grains press on each other in the bulk in these frames",
+    "lifetimes": "there is no contact in these frames",
+    "correlation --margin 0 --reach 1.4": "nothing moves beside the mean flow in these frames",
+    "avalanches --of kinetic": "never drops",
+    "wall-heat": "those that have one: none",
+    "hot-spots": "no contact slides in these frames",
+    "theta-eta": "those with a prescribed temperature in this frame are: none",
+}
+"""What commands say of runs of every kind, or of one without walls, in which nothing happens."""
+
+
 def refusal(of, name):
     """What a command says that has no table of such a run; empty if it has one."""
     if name == "rheology" and not all(of.bounds):
@@ -377,28 +444,15 @@ def refusal(of, name):
         return "rheology needs a domain that is periodic in x"
     if name.startswith("diffusion") and not (of.is_periodic and all(of.bounds)):
         return "diffusion needs a mean flow that depends on the height alone"
+    if name.startswith("conductivity") and not all(of.bounds):
+        return "conductivity needs a wall below and a wall above the grains, or a cell"
     if name == "conductivity":
-        return "conductivity needs a cell that is periodic in x and y"
-    if name == "mixing":
-        return "mixing is one of several groups"
-    if name == "residence":
-        return "no grain comes or goes in this run"
-    if name.startswith("avalanches") and of.kind == "no walls":
-        return "never drops"
-    if name == "theta-eta" and not of.walls:
-        return "those with a prescribed temperature in this frame are: none"
+        return "have no different temperatures in these frames"
+    if of.kind == "no walls" and name in WITHOUT_WALLS:
+        return WITHOUT_WALLS[name]
     if name == "theta-eta" and not of.bounds[0]:
         return f"the wall '{next(iter(of.walls))}' is neither below nor above the grains"
-    if of.kind == "no walls":
-        none = "no two grains press on each other in"
-        return {
-            "forces --angles --frames -5:": f"{none} these frames",
-            "forces --mobilization --frames -5:": "no contact between grains has friction",
-            "fabric": f"{none} the bulk in these frames",
-            "lifetimes": "there is no contact in these frames",
-            "correlation --margin 0 --reach 1.4": "nothing moves beside the mean flow in these frames",
-        }.get(name, "")
-    return ""
+    return ANYWHERE.get(name, "")
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -527,7 +581,10 @@ VARIANTS = {
     "lifetimes": [[], ["--margin", "0", "--frames", ":"]],
     "chains": [[], ["--frames", ":"], ["--lengths", "--angle", "80"], ["--frame", "-1"]],
     "clusters": [[], ["--frames", ":"]],
-    "conductivity": [[]],
+    "conductivity": [[], ["--network"], ["--network", "--margin", "0", "--frames", ":"]],
+    "heat-network": [[], ["--frame", "0"]],
+    "wall-heat": [[], ["--near", "2", "--frames", ":"], ["--length", "0.1", "--gas"]],
+    "hot-spots": [[], ["--limit", "300", "--frames", ":"]],
     "diffusion": [[], ["--margin", "0", "--frames", ":"]],
     "structure": [
         [], ["--reach", "2", "--margin", "0"], ["--bins", "3", "--frames", ":"], ["--factor"],

@@ -197,6 +197,8 @@ def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch)
         "rheology run --from 0", "diffusion run --from 0", "forces run --mobilization",
         "fabric run --from 0", "lifetimes run --from 0", "chains run", "clusters run",
         "energy run", "compare run run", "structure run --margin 0",
+        "conductivity run --from 0", "conductivity run --network", "heat-network run",
+        "wall-heat run --from 0", "map run --of heat-flux",
     )  # fmt: skip
     looked = []
     monkeypatch.setattr(

@@ -61,6 +61,7 @@ def test_animate_without_ffmpeg_writes_a_gif_and_says_so(typed, tmp_path, monkey
     ("avalanches RUN --of kinetic --threshold 1e-12", "kinetic [J]"),
     ("fabric RUN --from 0", "anisotropy [–]"),
     ("correlation RUN --margin 0", "correlation C [–]"),
+    ("heat-network HEATED", "heat flow, mean"),
     ("energy RUN", "lost to friction [J]"),
     ("forces RUN", "normal force, mean"),
 ])  # fmt: skip

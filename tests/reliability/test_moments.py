@@ -47,6 +47,9 @@ post fabric run
 post lifetimes run
 post chains run
 post clusters run
+post heat-network run
+post wall-heat run
+post hot-spots run
 post diffusion run --margin 1
 post structure run
 post mixing run

@@ -58,6 +58,9 @@ post chains run --frame -1 --plot chain-map.png
 post clusters run --plot clusters.png
 post conductivity packed --frames : --plot conductivity.png
 post conductivity packed --network --plot network.png
+post heat-network warm --frame 5 --plot heat.png
+post wall-heat warm --from 0 --plot walls.png
+post hot-spots warm --from 0 --plot spots.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
 post structure packed --factor --plot structure.png
 post mixing rain --plot mixing.png

@@ -10,7 +10,7 @@ from multicor_cli.post.avalanches import EVENTS
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.energy import HEAT, MECHANICAL
-from multicor_cli.post.field_sums import field_list
+from multicor_cli.post.field_sums import Known, field_list
 from multicor_cli.post.forces import NUMBERS
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES
 from multicor_cli.post.mixing import MIXING
@@ -47,7 +47,7 @@ def with_tables(text: str) -> str:
 MEASURED: dict[str, tuple[Quantity, ...]] = {
     "profile": tuple(post.PROFILED.values()),
     "map": tuple(post.MAPPED.values()),
-    "fields": tuple(field_list("xy", has_heat=True, has_stress=True)),
+    "fields": tuple(field_list("xy", Known(True, True, True))),
     "rheology": OF_RHEOLOGY,
     "rheology of a cell": CELL_QUANTITIES,
     "region": OF_REGION,

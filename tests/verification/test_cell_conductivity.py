@@ -66,8 +66,8 @@ def test_long_waves_of_temperature_decay_as_it_says(run):
     that hardly touches another is slower."""
     table = conductivity(run, Selection(frames=slice(-1, None)))
     frame, model = run.frames[-1], run.model
-    contacts = conducting_contacts(frame, model)
-    i, j, h = contacts.i, contacts.j, frame.contacts.conductance[contacts.row]
+    contacts, h = conducting_contacts(frame, model)
+    i, j = contacts.i, contacts.j
     place, (width, height, _) = np.asarray(frame.position)[:, :2], frame.wall_position[0]
     to_the_right = np.rint((place[i] - place[j] - contacts.branch)[:, 0] / width).astype(int)
     touching = np.unique([i, j])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cells import square_of_discs
+from layers import layer, sliding
 from made_up_groups import dropped, mixed, stayed
 
 from multicor_cli import post
@@ -94,6 +95,11 @@ def test_charts(column, drawn):
         post.angular_distribution(column, ALL),
         post.compare(column, column, ["velocity", "temperature"], ALL),
         post.conductivity(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
+        post.layer_conductivity(layer(), ALL),
+        post.layer_flow(layer(), ALL),
+        post.wall_heat(layer(), ALL),
+        post.heat_network(layer()),
+        post.hot_spots(sliding([[(0, 1, 1.0, 0.5, 0.1 * u) for u in range(9)]] * 3), ALL, 310.0),
         post.diffusion(column, ALL, margin=0.1),
         post.fabric(column, ALL, margin=0.0),
         post.lifetimes(column, ALL, margin=0.0),

@@ -76,11 +76,13 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column):
     network = force_network(column)
     panel = panel_of(draw_forces, network)
     few = network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5])
-    width = line_widths(panel, few)
+    width = line_widths(panel, few.scene, few.force[:, 0])
     assert width / width[0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0])
     lines = panel.collections[-1]
     assert len(lines.get_segments()) == GRAINS
-    assert lines.get_linewidths() == pytest.approx(line_widths(panel, network))
+    assert lines.get_linewidths() == pytest.approx(
+        line_widths(panel, network.scene, network.force[:, 0])
+    )
     from matplotlib.colors import to_rgba
 
     assert tuple(lines.get_colors()[0]) == pytest.approx(to_rgba(COLORS[1]))  # sliding

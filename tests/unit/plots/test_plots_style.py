@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from cells import square_of_discs
+from layers import layer, sliding
 from made_up_frames import profile_of
 from made_up_groups import dropped, mixed, stayed
 from matplotlib.figure import Figure
@@ -125,6 +126,11 @@ def test_every_table_can_be_shown_in_a_terminal(column):
         "red: in a chain": post.chain_map(column),
         "clusters/1000 grains [–]": post.clusters(column, ALL),
         "mobilization [–]": post.mobilization(column, ALL),
+        "0.3 |": post.layer_conductivity(layer(), ALL),
+        "heat flow [W]": post.layer_flow(layer(), ALL),
+        "h [W/(m² K)]": post.wall_heat(layer(), ALL),
+        "heat flow, mean": post.heat_network(layer()),
+        "flash [K]": post.hot_spots(sliding([[(0, 1, 1.0, 0.5, 0.1)]]), ALL),
         "mean square [m": post.diffusion(column, ALL, margin=0.1),
         "pair correlation g [–]": arranged,
         "structure factor S [–]": arranged.with_(factor=of_waves),

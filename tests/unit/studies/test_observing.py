@@ -155,6 +155,33 @@ def test_cells_and_correlations(hot):
     assert taken(hot, value="fluctuation", **keys)[0] == found["fluctuation"]
 
 
+def test_heat(hot):
+    """Numbers of networks and of the only warm wall; with the words of the command."""
+    network = printed(hot, "heat-network")
+    for name in SOURCES["heat-network"].names:
+        expected = network[name]
+        assert taken(hot, post="heat-network", value=name)[0] == pytest.approx(
+            math.nan if expected is None else expected, nan_ok=True
+        )
+    after = {"time": 0.0}
+    found = printed(hot, "wall-heat", "--from", "0")
+    (wall,) = found["walls"]
+    for name in SOURCES["wall-heat"].names:
+        key = f"{wall}: {name}"
+        expected = (found["mean"][key], found["standard_error"][key])
+        assert taken(hot, post="wall-heat", value=name, after=after) == pytest.approx(
+            expected, nan_ok=True
+        )
+    spots = printed(hot, "hot-spots", "--from", "0")
+    for name in ("rise_mean", "spot_max", "peclet_50"):
+        expected = (spots["mean"][name], spots["standard_error"][name])
+        assert taken(hot, post="hot-spots", value=name, after=after) == pytest.approx(
+            expected, nan_ok=True
+        )
+    with pytest.raises(Unobservable, match="no material has a temperature of ignition"):
+        taken(hot, post="hot-spots", value="above", after=after)
+
+
 def test_maps_and_forces(run):
     keys = {"post": "map", "value": "coordination"}
     with multicor.open_run(run) as opened:
@@ -240,6 +267,9 @@ def refuse_what_is_wrong(folder):
             "rheology needs a domain that is periodic"),
         ('post = "conductivity"\nvalue = "square_xx"', ("", ""), "square_xx needs heat"),
         ('post = "conductivity"\nvalue = "along"', ("", ""), "along needs heat"),
+        ('post = "conductivity"\nvalue = "along"', ("", ""),
+            "the conductivity of a layer between walls has no along"),
+        ('post = "hot-spots"\nvalue = "rise_mean"', ("", ""), "rise_mean needs heat"),
         ('post = "profile"\nvalue = "velocity-x"', ("", ""), 'post = "profile" needs at'),
         ('post = "region"\nvalue = "coordination"', ("", ""), 'post = "region" needs inside'),
         ('post = "rheology"\nvalue = "pressure"\nat = 0.5', ("", ""), "at belongs to"),

@@ -1,0 +1,223 @@
+"""How hot the spots of sliding contacts are: temperatures of bodies plus flash of friction."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.flash import flash_rise, spot_peclet
+from multicor_cli.model.model import Floats
+from multicor_cli.post.contacts import loaded_contacts, with_forces
+from multicor_cli.post.materials import properties
+from multicor_cli.post.source import (
+    Frame,
+    PostError,
+    Run,
+    Selection,
+    frames_of,
+    frames_told,
+    model_of,
+    need_grains,
+    need_heat,
+)
+from multicor_cli.post.table import Quantity, TimeTable
+
+SPOT_QUANTITIES = (
+    Quantity("sliding", "share of the loaded contacts that slide"),
+    Quantity("rise_mean", "flash, mean", r"\langle\Delta T\rangle", "K"),
+    Quantity("rise_50", "flash, half of the spots below", unit="K"),
+    Quantity("rise_95", "flash, 95 % below", unit="K"),
+    Quantity("rise_99", "flash, 99 % below", unit="K"),
+    Quantity("rise_max", "flash, largest", r"\Delta T_\mathrm{max}", "K"),
+    Quantity("spot_mean", "temperature of a spot, mean", r"\langle T_\mathrm{spot}\rangle", "K"),
+    Quantity("spot_95", "temperature of a spot, 95 % below", unit="K"),
+    Quantity("spot_max", "temperature of a spot, largest", r"T_\mathrm{spot,max}", "K"),
+    Quantity("above", "share of spots above the limit"),
+    Quantity("radius", "radius of a spot, mean", "a", "m"),
+    Quantity("peclet_50", "Péclet number of a spot, half below", r"\mathrm{Pe}"),
+    Quantity("peclet_max", "Péclet number of a spot, largest"),
+)
+"""What `hot_spots` measures, in the order of the table; shares above a limit only with one."""
+
+_BINS = 40
+_DECADES = 6.0  # below the largest rise at which bins begin
+_NARROWEST = 1e-3  # range of the bins of temperatures over the highest, where all are alike
+_LARGEST_CUP = 100.0  # radius of contact in a circle over the grain's, at most; as in the engine
+
+
+class HotSpots(TimeTable):
+    """Temperatures of the spots of sliding contacts; ``f`` frames, which count alike in means.
+
+    A spot is hotter than its bodies by the flash of friction, ΔT = P/(G_i + G_j), in its hottest
+    point; see `multicor_cli.model.flash` for formula, source and validity. P = |f_t v_t| is the
+    power of friction in the last step, v_t the sliding speed after it. The spot is that of Hertz,
+    a = (3 f_n a*/4E*)^⅓ (Johnson 1985, eq. 4.22), of the force of this step; discs count as spheres
+    of their radius. T_spot adds the mean temperature of the two bodies. A wall without temperature
+    takes no heat, and has no part in the mean.
+
+    Attributes:
+        time: Times of the frames [s], shape ``(f,)``.
+        values: Each of `SPOT_QUANTITIES` over time by name, over the contacts that slide; nan where
+            none does, shape ``(f,)``.
+        limit: Temperature above which ``above`` counts [K]; nan without one.
+        contacts: Number of contacts that slide, in all frames.
+        rise_edges, spot_edges: Edges of bins of ΔT, a constant ratio apart, and of T_spot, evenly
+            spaced [K], shape ``(b + 1,)``.
+        rise_density, spot_density: Probability densities in these bins over all contacts that slide
+            in all frames [1/K], shape ``(b,)``.
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+    """
+
+    KEYS = (
+        "limit", "contacts", "frame_count", "times",
+        "units", "mean", "standard_error", "drift", "drift_error", "note",
+        "rise_edges", "rise_density", "spot_edges", "spot_density", "time", "values",
+    )  # fmt: skip
+
+
+def hot_spots(
+    source: Run, selection: Selection | None = None, limit: float | None = None
+) -> HotSpots:
+    """How hot the spots of sliding contacts are.
+
+    Args:
+        source: The run, with heat.
+        selection: Which frames with forces; default: the later half of the last stage.
+        limit: Temperature above which spots are counted [K]; default: the lowest ignition or
+            melting of the materials, if one is given.
+
+    Raises:
+        PostError: If the run has no heat, a material no Young's modulus or no conductivity, no
+            forces belong to these frames, or no contact slides in any of them.
+        StoreError: If the run cannot be read.
+    """
+    if source.model.thermal is None:
+        need_heat(None)
+    chosen = (selection or Selection()).indices(source.frames)
+    need_grains(source, chosen)
+    chosen = with_forces(source, chosen)
+    limits = np.concatenate([properties(source, key) for key in ("ignition", "melting")])
+    if limit is None and np.isfinite(limits).any():
+        limit = float(np.nanmin(limits))
+    materials = _Materials.of(source)
+    spots = [_spots(model_of(source, f), f, materials) for f in frames_of(source, chosen)]
+    rise, hot = (np.concatenate([getattr(one, of) for one in spots]) for of in ("rise", "hot"))
+    if not rise.size:
+        raise PostError("no contact slides in these frames: choose others")
+    rows = [_numbers(one, limit) for one in spots]
+    shown = [q for q in SPOT_QUANTITIES if limit is not None or q.name != "above"]
+    quantities = [q.over_time(np.array([row[q.name] for row in rows])) for q in shown]
+    top, low, high = float(rise.max()), float(hot.min()), float(hot.max())
+    edges = np.geomspace(10.0**-_DECADES * top, top, _BINS + 1)
+    room = 0.5 * max(_NARROWEST * high - (high - low), 0.0)
+    even = np.linspace(low - room, high + room, _BINS + 1)
+    facts = {
+        "limit": np.nan if limit is None else limit, "contacts": rise.size,
+        **frames_told(source, chosen),
+        "rise_edges": edges, "rise_density": _density(rise, edges),
+        "spot_edges": even, "spot_density": _density(hot, even),
+    }  # fmt: skip
+    times = np.asarray(source.frames.time, np.float64)[chosen]
+    return HotSpots(times, quantities, facts, frames=chosen)
+
+
+class _Materials(NamedTuple):
+    """Properties by material: E/(1 − ν²) [Pa], λ [W/(m K)], ρc [J/(m³ K)], each ``(k,)``."""
+
+    stiffness: Floats
+    conductivity: Floats
+    volumetric: Floats
+
+    @classmethod
+    def of(cls, source: Run) -> _Materials:
+        """Of those in use; raises `PostError` if one has no such property."""
+        names = ("young", "poisson", "conductivity", "density", "heat_capacity")
+        young, poisson, conductivity, density, capacity = (properties(source, k) for k in names)
+        found = cls(young / (1.0 - poisson**2), conductivity, density * capacity)
+        for k in np.unique(source.model.material).tolist():
+            if not np.isfinite([values[k] for values in found]).all():
+                raise PostError(
+                    f"spots need young, poisson, conductivity and heat_capacity of the material "
+                    f"'{source.model.materials[k]}': give them in the scenario and run it again"
+                )
+        return found
+
+
+class _Spots(NamedTuple):
+    """Spots of a frame that slide, ``(s,)``: ΔT [K], T [K], radius [m], Péclet; their share."""
+
+    rise: Floats
+    hot: Floats
+    radius: Floats
+    peclet: Floats
+    share: float
+
+
+def _spots(model: Model, frame: Frame, materials: _Materials) -> _Spots:
+    loaded = loaded_contacts(frame, model)
+    slip = np.abs(np.asarray(frame.contacts.slip, np.float64)[loaded.row])
+    slides = np.asarray(frame.contacts.sliding, np.bool_)[loaded.row]
+    slides &= (loaded.force[:, 0] > 0.0) & (slip > 0.0)
+    share = float(slides.mean()) if slides.size else np.nan
+    rows = np.flatnonzero(slides)
+    contacts, slip = loaded.only(rows), slip[rows]
+    of_walls = need_heat(frame.wall_temperature)[model.shapes.wall]
+    temperature = np.concatenate([need_heat(frame.temperature), of_walls])
+    ends, material = (contacts.i, contacts.j), model.material
+    first, second = (temperature[end] for end in ends)
+    takes_heat = np.isfinite(second)
+    stiff = materials.stiffness
+    compliance = sum(1.0 / stiff[material[end]] for end in ends)
+    volume = 0.75 * contacts.force[:, 0] * hertz_radius(model, *ends) * compliance
+    radius = np.cbrt(volume)
+    power = np.abs(contacts.force[:, 1]) * slip
+    bodies = [
+        (materials.conductivity[material[end]], materials.volumetric[material[end]]) for end in ends
+    ]
+    conductivity = np.where(takes_heat, bodies[1][0], 0.0)
+    rise = flash_rise(power, radius, slip, *bodies[0], conductivity, bodies[1][1])
+    peclets = [spot_peclet(radius, 0.5 * slip, *body) for body in bodies]
+    peclet = np.where(takes_heat, np.maximum(*peclets), peclets[0])
+    hot = np.where(takes_heat, 0.5 * (first + second), first) + rise
+    return _Spots(rise, hot, radius, peclet, share)
+
+
+def hertz_radius(model: Model, i: Floats, j: Floats) -> Floats:
+    """a* of contacts, 1/a* = 1/a_i + 1/a_j [m], shape ``(c,)``.
+
+    A smooth line has no curvature; a circle around the grain has −1/R, up to a* = 100 a_i.
+    """
+    shapes = model.shapes
+    size = np.where(shapes.geometry[:, RADIUS] > 0.0, shapes.geometry[:, RADIUS], 1.0)
+    sign = np.select([shapes.kind == ShapeKind.DISC, shapes.kind == ShapeKind.CIRCLE], [1.0, -1.0])
+    curvature = np.concatenate([1.0 / model.grains.radius, sign / size])
+    mine = curvature[i]
+    return np.asarray(1.0 / np.maximum(mine + curvature[j], mine / _LARGEST_CUP))
+
+
+def _numbers(spots: _Spots, limit: float | None) -> dict[str, float]:
+    """`SPOT_QUANTITIES` of a frame; nan where nothing slides."""
+    if not spots.rise.size:
+        return dict.fromkeys((q.name for q in SPOT_QUANTITIES), np.nan) | {"sliding": spots.share}
+    rise = np.quantile(spots.rise, (0.5, 0.95, 0.99, 1.0)).tolist()
+    return {
+        "sliding": spots.share,
+        "rise_mean": float(spots.rise.mean()),
+        **dict(zip(("rise_50", "rise_95", "rise_99", "rise_max"), rise, strict=True)),
+        "spot_mean": float(spots.hot.mean()),
+        "spot_95": float(np.quantile(spots.hot, 0.95)),
+        "spot_max": float(spots.hot.max()),
+        "above": np.nan if limit is None else float((spots.hot > limit).mean()),
+        "radius": float(spots.radius.mean()),
+        "peclet_50": float(np.median(spots.peclet)),
+        "peclet_max": float(spots.peclet.max()),
+    }
+
+
+def _density(values: Floats, edges: Floats) -> Floats:
+    """Probability density in bins [1/K]; what lies outside counts for the normalization."""
+    return np.asarray(np.histogram(values, edges)[0] / (values.size * np.diff(edges)))
