@@ -65,6 +65,7 @@ from multicor_cli.engine.energy.account import (
     account_contacts,
     account_grains,
     book_step,
+    book_worn,
     open_books,
     switch_wall_kinetic,
 )
@@ -86,7 +87,15 @@ from multicor_cli.engine.motion.cell import (
     wrap_cell,
 )
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
-from multicor_cli.engine.motion.growth import Lanes, grow, push, turn_slower, work_of_growth
+from multicor_cli.engine.motion.growth import (
+    Lanes,
+    grow,
+    push,
+    shed,
+    turn_slower,
+    work_of_growth,
+    worn_sizes,
+)
 from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
 from multicor_cli.engine.motion.separation import (
     ALLOWED,
@@ -106,6 +115,8 @@ from multicor_cli.model.state import State
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
+MOST_WORN = 0.5
+"""Largest part of its volume that a grain may lose."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
 _NO_FLOW = np.zeros(3)
@@ -125,8 +136,9 @@ class Layout:
         middle: q_m, shape ``(n, 3)``.
         before: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
         free: The same with their free velocities.
-        initial_radius: Radii of the grains at the start of the run [m], shape ``(n,)``; those in
-            ``model`` follow the temperatures where grains expand.
+        unworn: The model with the grains as they were at the start of the run; those in ``model``
+            have other radii and masses where they expand or wear.
+        worn: Part of their volume that they have lost, shape ``(n,)``.
         marked: Work space of the position correction, shape ``(n,)``.
     """
 
@@ -137,9 +149,10 @@ class Layout:
         self.model, self.state, self.newcomers = model, state, newcomers
         self.threads = threads if n >= PARALLEL_GRAINS else 1
         self.threading = ThreadChoice(self.threads)
-        self.initial_radius = model.grains.radius
+        self.unworn, self.worn = model, np.zeros(0)
         if state.radius.size:  # of their own: they follow the temperatures
-            self.model = model.with_radius(state.radius.copy())
+            self.worn = model.worn_share(state.wear)
+            self.model = model.with_radius(state.radius.copy(), self.worn)
             self.model.__dict__["mean_diameter"] = model.mean_diameter  # lengths that stay
         self.mass = total(model.grains.mass)
         self.middle = np.empty((n, 3))
@@ -320,6 +333,8 @@ class Engine:
         try:
             report = self._stand_still() if is_frozen else self._move(dt, t, should_stop)
             self._pass_heat(dt, t, should_stop)
+            if self.model.sheds:
+                self._shed()
         except Interrupted:
             if self._population is not None and self._population.go_back():
                 self._lay_out()
@@ -635,7 +650,9 @@ class Engine:
         layout, state, expansion = self._layout, self._layout.state, self.model.expansion
         grains, thermal = layout.model.grains, layout.model.thermal
         assert thermal is not None
-        initial = layout.initial_radius
+        initial = layout.unworn.grains.radius
+        if self.model.sheds:
+            initial = initial * worn_sizes(layout.worn, self.model.dimension)
         radius, rate = grains.radius, np.empty(initial.size)
         rise = expansion[grains.material] * (state.heat / thermal.capacity)
         grow(initial, rise, state.radius, radius, dt, rate)
@@ -644,6 +661,24 @@ class Engine:
             state.velocity, grains.mass, state.radius, radius, layout.model.shape_factor
         )
         return velocity, rate, spun
+
+    def _shed(self) -> None:
+        """Grains lose what has worn off in the step, and with it mass, size and motion."""
+        layout, state = self._layout, self._layout.state
+        share, model = layout.unworn.worn_share(state.wear), layout.model
+        if (share > MOST_WORN).any():
+            k = int(np.argmax(share))
+            what = f"{model.name_of(k)} has lost {100.0 * share[k]:.3g} % of its volume by wear"
+            raise PhysicsError(state.step, f"{what}; lower wear, or let it keep its size")
+        dimension = model.dimension
+        smaller = worn_sizes(share, dimension) / worn_sizes(layout.worn, dimension)
+        lost = shed(
+            state.velocity, layout.unworn.grains.mass, share, smaller, model.grains.mass,
+            state.radius, model.shape_factor,
+        )  # fmt: skip
+        model.grains.radius[:] = state.radius
+        layout.worn, layout.mass = share, total(model.grains.mass)
+        book_worn(state, lost)
 
     def _fly(self, step: Prediction, walls: Floats) -> Prediction:
         """Impacts of what flies: other starts of these grains, in the layout too."""

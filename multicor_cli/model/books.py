@@ -54,7 +54,8 @@ Feature = Literal[
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
 motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean
-gradient of temperature in it, friction that weakens by flash heating, and grains that expand."""
+gradient of temperature in it, friction that weakens by flash heating, and grains that expand, or
+shrink as they wear."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
@@ -291,8 +292,10 @@ GROWTH_BOOKS = (
     _entry("expansion_work",
         "work of the expansion of the grains against what presses on them, since the start", "J",
         "expansion_work", since=(1, 10)),
+    _entry("worn_energy", "kinetic energy that what is worn off has taken along, since the start",
+        "J", "worn_energy", since=(1, 10)),
 )  # fmt: skip
-"""Books of grains that expand, in the order of `State.growth_books`; empty where none does."""
+"""Books of grains that expand or shrink, in the order of `State.growth_books`; else empty."""
 
 
 def _heat_along(axis: str) -> tuple[Entry, ...]:

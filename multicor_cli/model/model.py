@@ -203,6 +203,8 @@ class Model:
             at the start.
         expansion: Coefficient of linear thermal expansion α of each material [1/K], shape ``(k,)``;
             of size 0 if no grain expands. Else the radii of ``grains`` are those at the start.
+        sheds: Whether grains lose the volume that they wear off; then there is ``expansion``, too,
+            perhaps of 0.
         heat_gradient: Mean gradient of temperature in a cell G (x, y) [K/m]; the temperatures of
             its grains are those beside it, T − G·r.
     """
@@ -223,6 +225,7 @@ class Model:
     height: float = 0.0
     heat_gradient: tuple[float, float] = (0.0, 0.0)
     expansion: Floats = field(default_factory=lambda: np.zeros(0))
+    sheds: bool = False
 
     @property
     def is_cell(self) -> bool:
@@ -249,11 +252,27 @@ class Model:
         """Index of the material of all shapes, grains first, shape ``(n + m,)``."""
         return np.concatenate([self.grains.material, self.shapes.material]).astype(np.int32)
 
-    def with_radius(self, radius: Floats) -> Model:
-        """The same with grains of these radii [m], shape ``(n,)``, and as heavy as they are."""
-        ratio = radius / self.grains.radius
-        inertia = self.grains.inertia * ratio * ratio
-        return replace(self, grains=replace(self.grains, radius=radius, inertia=inertia))
+    def worn_share(self, wear: Floats) -> Floats:
+        """Which part of its volume at the start each grain has lost, if any is, shape ``(n,)``.
+
+        ``wear`` is the volume worn off [m³], likewise. The surface of a sphere is three times its
+        volume over its radius, that of a disc (without its faces) twice.
+        """
+        if not self.sheds or self.thermal is None:
+            return np.zeros(wear.size)
+        return wear / (self.thermal.surface * self.grains.radius / self.dimension)
+
+    @property
+    def dimension(self) -> float:
+        """As which power of the radius volumes go: 3 of spheres, 2 of discs."""
+        return 3.0 if self.shape_factor == SHAPE_FACTOR["sphere"] else 2.0
+
+    def with_radius(self, radius: Floats, share: Floats) -> Model:
+        """The same with grains of these radii [m] and without a share of their mass, ``(n,)``."""
+        mass, ratio = self.grains.mass * (1.0 - share), radius / self.grains.radius
+        inertia = self.grains.inertia * (1.0 - share) * ratio * ratio
+        grains = replace(self.grains, radius=radius, mass=mass, inertia=inertia)
+        return replace(self, grains=grains)
 
     def name_of(self, grain: int) -> str:
         """What messages call a grain."""

@@ -204,10 +204,13 @@ class State:
         "books of the mean gradient of temperature, in the order of model.GRADIENT_BOOKS",
         since=(1, 9))  # fmt: skip
 
-    # What follows is empty unless grains expand.
+    # What follows is empty unless grains expand, or shrink as they wear.
     radius: Floats = _array(("expansion_grain",), "m", "radius of the grains", since=(1, 10))
     growth_books: Floats = _array(
-        ("expansion_book",), "J", "work of expansion since the start", since=(1, 10)
+        ("expansion_book",),
+        "J",
+        "books of the size of the grains, in the order of model.GROWTH_BOOKS",
+        since=(1, 10),
     )
 
     @classmethod

@@ -248,13 +248,15 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         thermal=_thermal(scenario, groups),
         height=scenario.domain.size[1] if scenario.domain.is_cell else 0.0,
         expansion=_expansion(scenario, [names[k] for k in sorted(set(material.tolist()))], names),
+        sheds=scenario.heat is not None and scenario.heat.wear_shrinks,
         heat_gradient=(scenario.heat and scenario.heat.gradient) or (0.0, 0.0),
     )
 
 
 def _expansion(scenario: Scenario, of_grains: Sequence[str], names: Sequence[str]) -> Floats:
-    """Coefficients of thermal expansion of the materials; of size 0 if no grain expands."""
-    if not any(scenario.materials[name].expansion for name in of_grains):
+    """Coefficients of thermal expansion of the materials; of size 0 if grains keep their size."""
+    sheds = scenario.heat is not None and scenario.heat.wear_shrinks
+    if not sheds and not any(scenario.materials[name].expansion for name in of_grains):
         return np.zeros(0)
     return np.array([scenario.materials[name].expansion or 0.0 for name in names])
 

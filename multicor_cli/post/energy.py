@@ -34,6 +34,7 @@ MECHANICAL = _books(
     ("load_work", "work of the loads", 1),
     ("adhesion_work", "work of adhesion", 1),
     ("expansion_work", "work of expanding grains", 1),
+    ("worn_energy", "taken along by what is worn off", -1),
     ("friction_loss", "lost to friction", -1),
     ("impact_loss", "lost to impacts", -1),
     ("damping_loss", "lost in the damping of loads", -1),

@@ -232,6 +232,10 @@ class Heat(Table):
     radiation: RadiationTable | None = optional(
         "thermal radiation, as { surroundings = 293.15 }; default: none"
     )
+    wear_shrinks: bool = optional(
+        "whether grains lose the volume that they wear off, and its mass; needs wear of a pair",
+        False,
+    )
     gradient: Gradient | None = optional(
         "mean gradient of temperature in a cell (x, y) [K/m]; temperatures are then those beside "
         "it; default: none"

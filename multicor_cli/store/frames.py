@@ -457,7 +457,10 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     def model(self) -> Model:
         """The model with the present grains alone, as large as they are."""
         model = self.run_model.with_grains(self.number) if self.is_open else self.run_model
-        return model if self.radius is None else model.with_radius(np.asarray(self.radius, float))
+        if self.radius is None:
+            return model
+        share = model.worn_share(np.asarray(self.wear, float))
+        return model.with_radius(np.asarray(self.radius, float), share)
 
     def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
         """The rows of the present grains; shapes of contacts are counted among these too."""

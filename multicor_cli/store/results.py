@@ -141,6 +141,7 @@ def read_model(file: CheckedFile) -> Model:
         start_speed=float(data["start_speed"][0]) if "start_speed" in data else 0.0,
         height=float(data["height"][0]) if "height" in data else 0.0,
         expansion=data.get("expansion", np.zeros(0)),
+        sheds=bool(data.get("sheds", np.zeros(1))[0]),
         heat_gradient=tuple(data.get("heat_gradient", np.zeros(2)).tolist()),
     )
     _check_model(model, file.path)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import coupled_engine, warm_model, with_heat
+from heat_parts import coupled_engine, make_heat_laws, warm_model, with_heat
 from scene_parts import FLOOR, G, book, continued, make_model
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Spring, WallDrive
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model import ShapeKind
+from multicor_cli.model import ShapeKind, Thermal
 
 ALPHA = 1e-3
 
@@ -112,6 +112,65 @@ def test_what_has_warmed_at_rest_grows_step_by_step():
     assert engine.state.radius[0] == pytest.approx(0.5 * (1.0 + 1e-4) ** 10, rel=1e-12)
     warmed(engine, 0.0, 200)
     assert height(engine.state) == pytest.approx(5.0 * ALPHA * 1.05, rel=1e-9)
+
+
+@pytest.mark.parametrize(("shape", "power"), [("sphere", 3.0), ("disc", 2.0)])
+def test_wear_takes_mass_and_size_and_what_moves_with_them(shape, power):
+    """A body that slides loses V = (K/H) m g times its way, while it slows as one that keeps its
+    mass; a = a₀ (1 − V/V₀)^(1/p), and what is worn off takes its momentum and spin along."""
+    k, wears = {"sphere": 2.5, "disc": 2.0}[shape], 1e-4
+    model = make_model([0.5], FLOOR, ("floor",), friction=0.3, shape=shape)
+    surface = 4.0 * np.pi * 0.25 if shape == "sphere" else 2.0 * np.pi * 0.5  # of a disc 1 m high
+    mass = float(model.grains.mass[0])
+    thermal = Thermal(np.array([500.0 * mass]), np.array([300.0]), np.array([surface]))
+    model = replace(model, thermal=thermal, sheds=True, expansion=np.zeros(1))
+    heat = {"laws": make_heat_laws(wear=wears), "conduction": "none"}
+    engine = coupled_engine(model, [[0.0, 0.5]], [[1.0, 0.0, 0.0]], **heat)
+    volume = surface * 0.5 / power
+    slid, rubbed = 1.0, 0.0
+    for _ in range(60):  # while it slides: a step rubs the load now times the mean way
+        load = mass * (1.0 - wears * rubbed / volume) * G * 1e-3
+        rubbed += load * (slid - 0.5 * (1.0 + k) * 0.3 * G * 1e-3)
+        slid -= (1.0 + k) * 0.3 * G * 1e-3
+        engine.step(1e-3, engine.state.time)
+    state = engine.state
+    assert state.wear[0] == pytest.approx(wears * rubbed, rel=1e-3)  # it sinks meanwhile
+    share = state.wear[0] / volume
+    assert share > 1e-5
+    assert state.radius[0] == pytest.approx(0.5 * (1.0 - share) ** (1.0 / power), rel=1e-14)
+    velocity = state.velocity[0]
+    assert velocity[0] == pytest.approx(1.0 - 0.3 * G * 0.06, rel=1e-3)
+    squares = velocity[0] ** 2 + velocity[1] ** 2 + (state.radius[0] * velocity[2]) ** 2 / k
+    moving = 0.5 * mass * (1.0 - share) * squares
+    assert book(state, "kinetic") == pytest.approx(moving, rel=1e-12)
+    assert state.growth_books[1] > 0.0
+    assert book(state, "closure") < 1e-13
+
+
+def test_worn_grains_go_on_to_the_same_bits():
+    rng = np.random.default_rng(7)
+    place = np.array([[x, 0.5 + y] for x in range(6) for y in range(5)]) * 1.02
+    model = replace(
+        expanding(warm_model(rng.uniform(0.4, 0.5, 30), 300.0, FLOOR, friction=0.4)), sheds=True
+    )
+    laws = make_heat_laws(wear=1e-4)
+    one, two = (coupled_engine(model, place, laws=laws, solver=Settings()) for _ in range(2))
+    for engine in (one, two):
+        engine.state.velocity[:, 0] = np.linspace(0.0, 3.0, 30)
+    warmed(one, 5.0, 120)
+    warmed(two, 5.0, 50)
+    again = continued(two)
+    warmed(again, 5.0, 70)
+    assert again.state.digest() == one.state.digest()
+    assert (one.state.wear > 0.0).any()
+    assert book(one.state, "closure") < 1e-12
+
+
+def test_who_is_worn_away_is_named():
+    model = replace(expanding(warm_model([0.5], 300.0, FLOOR, friction=0.3)), sheds=True)
+    engine = coupled_engine(model, [[0.0, 0.5]], [[1.0, 0.0, 0.0]], laws=make_heat_laws(wear=100.0))
+    with pytest.raises(PhysicsError, match=r"grain 0 has lost .* by wear"):
+        warmed(engine, 0.0, 90)
 
 
 def test_walls_that_do_not_give_way_are_named():

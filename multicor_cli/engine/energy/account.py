@@ -207,6 +207,13 @@ def switch_wall_kinetic(state: State, change: float) -> None:
     state.books[_TERMS] += 2.0 * abs(change)
 
 
+def book_worn(state: State, lost: float) -> None:
+    """Enter the kinetic energy that what is worn off takes along [J]."""
+    state.growth_books[1] += lost
+    state.books[_KINETIC] -= lost
+    state.books[_TERMS] += lost
+
+
 def book_exchange(state: State, brought: float, taken: float) -> None:
     """Enter the kinetic energy that grains bring and take along [J] where the books are open."""
     state.exchange[_EXCHANGE["kinetic_in"]] += brought
@@ -242,7 +249,7 @@ def book_step(
     if state.growth_books.size:
         state.growth_books[0] += expansion_work
         state.books[_TERMS] += abs(expansion_work)
-        gained += float(state.growth_books[0])
+        gained += float(state.growth_books[0] - state.growth_books[1])
     _enter_walls(
         state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
         motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,

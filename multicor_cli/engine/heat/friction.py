@@ -41,7 +41,7 @@ from multicor_cli.model.model import Floats, Ints
 #
 # Validity: steady adhesive or abrasive wear below the load at which it becomes severe; K (10⁻⁸ to
 # 10⁻³; dry steel on steel some 10⁻⁴) is a measurement on the pair of materials and known to a
-# factor of ten at best. Grains keep their size: the volume is an output.
+# factor of ten at best. Grains keep their size, unless they are told to shrink.
 
 
 @formula

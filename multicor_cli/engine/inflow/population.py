@@ -157,8 +157,8 @@ def _energies(state: State, model: Model, grains: NDArray[np.int64]) -> tuple[fl
     mass, (gx, gy) = model.grains.mass[grains], model.gravity.tolist()
     inertia = model.grains.inertia[grains]
     if state.radius.size:
-        ratio = state.radius[grains] / model.grains.radius[grains]
-        inertia = inertia * ratio * ratio
+        ratio, left = state.radius / model.grains.radius, 1.0 - model.worn_share(state.wear)
+        mass, inertia = mass * left[grains], inertia * (left * ratio * ratio)[grains]
     x = state.position[grains, X] + model.period * state.image[grains]
     kinetic = total(0.5 * mass * (u * u + v * v) + 0.5 * inertia * (spin * spin))
     return kinetic, -total(mass * (gx * x + gy * state.position[grains, Y]))

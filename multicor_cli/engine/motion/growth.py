@@ -1,4 +1,4 @@
-"""Grains that expand with temperature, and what their growth does to contacts.
+"""Grains that expand with temperature or shrink as they wear, and what that does to contacts.
 
 Formula: `a = a_0 [1 + α (T − T_0)]` with the temperature T_0 at the start of the run. A body that
 grows at ȧ pushes what touches it: with g = ȧ_i + ȧ_j Signorini's condition of a closed contact is
@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from multicor_cli.arithmetic import cbrt
 from multicor_cli.engine.contact.contacts import Contacts, Speeds
 from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import BIAS, NORMAL, SPIN
+from multicor_cli.model.columns import BIAS, NORMAL, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 
@@ -55,6 +58,40 @@ def grow(
         change = min(max(change, -most), most)
         radius[k] = before[k] + change
         rate[k] = change / dt
+
+
+@kernel
+def worn_sizes(worn: Floats, dimension: float) -> Floats:
+    """Radii of grains that have lost a part of their volume over those before, shape ``(n,)``.
+
+    ``dimension`` is 3 of spheres, 2 of discs.
+    """
+    size: Floats = np.empty(worn.size)
+    for k in range(worn.size):
+        left = 1.0 - worn[k]
+        size[k] = cbrt(left) if dimension > 2.0 else np.sqrt(left)
+    return size
+
+
+@kernel
+def shed(
+    velocity: Floats, initial: Floats, worn: Floats, smaller: Floats, mass: Floats, radius: Floats,
+    spin_factor: float,
+) -> float:  # fmt: skip
+    """Let what is worn off go, with the velocity that it has at the surface of its grain.
+
+    Velocities and spins stay. Masses become ``initial`` [kg] less the part ``worn``, radii those
+    before times ``smaller``. **Modifies** ``mass`` and ``radius``; returns the kinetic energy that
+    goes [J].
+    """
+    lost = 0.0
+    for k in range(mass.size):
+        vx, vy, spin = velocity[k, X], velocity[k, Y], velocity[k, SPIN]
+        now, size = initial[k] * (1.0 - worn[k]), radius[k] * smaller[k]
+        turning = mass[k] * radius[k] * radius[k] - now * size * size
+        lost += 0.5 * ((mass[k] - now) * (vx * vx + vy * vy) + turning / spin_factor * spin * spin)
+        mass[k], radius[k] = now, size
+    return lost
 
 
 @kernel

@@ -136,6 +136,9 @@ def check_heat(tables: PartialScenario) -> Iterator[Refused]:
         what = "all stages have heat = false: no temperature ever changes"
         yield Refused(("heat",), what, "remove [heat], or one heat = false")
     if tables.heat is not None:
+        if tables.heat.wear_shrinks and not any(entry.wear for _, entry in given(tables.contacts)):
+            remedy = "give a pair of materials wear, or remove wear_shrinks"
+            yield Refused(("heat", "wear_shrinks"), "no pair of materials wears", remedy)
         yield from _check_frozen(tables, tables.heat)
         if not tables.heat.has_spots:
             yield from _check_conditions(tables, tables.heat)

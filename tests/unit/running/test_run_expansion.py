@@ -46,6 +46,23 @@ def test_stops_change_nothing(bed, tmp_path):
     assert in_pieces(bed / "bed.toml", tmp_path / "run", 7, 33) == digests(bed / "run")
 
 
+def test_worn_grains_are_lighter_and_smaller_in_files(tmp_path):
+    text = changed(
+        WARM, ("wear = 1e-4", "wear = 1.0"), ("[heat]\n", "[heat]\nwear_shrinks = true\n")
+    )
+    (tmp_path / "worn.toml").write_text(text, encoding="utf-8")
+    multicor.run(tmp_path / "worn.toml", tmp_path / "run", threads=1)
+    with multicor.open_run(tmp_path / "run") as run:
+        last, grains = run.frames[-1], run.model.grains
+        left = 1.0 - last.wear / (4.0 / 3.0 * np.pi * grains.radius**3)
+        assert last.wear.max() > 0.0
+        np.testing.assert_allclose(last.radius, grains.radius * np.cbrt(left), rtol=1e-12)
+        np.testing.assert_allclose(last.model.grains.mass, grains.mass * left, rtol=1e-14)
+        assert energy(run).books["worn_energy"][-1] == run.series["worn_energy"][-1]
+    assert run_info(tmp_path / "run")["energy_closure"] < 1e-11
+    assert verify(tmp_path / "run") == []
+
+
 @pytest.mark.parametrize("expands", [True, False])
 def test_another_run_goes_on_with_the_radii(bed, tmp_path, expands):
     """As they are, whether they go on growing or not."""

@@ -76,7 +76,7 @@ def test_defaults_of_the_heat_table():
         "temperature": 293.15, "conduction": "hertz", "friction": "energy",
         "partition": "effusivity", "impact": False, "collisional": False, "force": None,
         "gas": None, "ambient": None, "radiation": None, "integrator": "auto", "sub_step": 1.0,
-        "tolerance": 1e-4, "gradient": None,
+        "tolerance": 1e-4, "wear_shrinks": False, "gradient": None,
     }  # fmt: skip
 
 
@@ -191,6 +191,13 @@ MISTAKES = {
 def test_each_mistake_gives_one_problem_at_its_place(name):
     change, *expected = MISTAKES[name]
     check_one(changed(HEATED, change), *expected)
+
+
+def test_grains_shrink_only_where_something_wears():
+    shrinking = "[heat]\n", "[heat]\nwear_shrinks = true\n"
+    assert parse_scenario(changed(HEATED, shrinking), "heated.toml").heat.wear_shrinks
+    text = changed(HEATED, shrinking, ("wear = 1e-4\n", ""))
+    check_one(text, "heat.wear_shrinks", "wear_shrinks = true", "no pair of materials wears")
 
 
 OFF = {
