@@ -43,7 +43,8 @@ _GAIN = BookLine("kinetic_gain", "kinetic energy", sign=-1)
 _STORED = BookLine("heat_stored", "stored in the grains", sign=-1)
 _SHORT = {
     "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads",
-    "adhesion_work": "adhesion", "friction_loss": "friction", "impact_loss": "impacts",
+    "adhesion_work": "adhesion", "expansion_work": "expansion", "worn_energy": "worn off",
+    "friction_loss": "friction", "impact_loss": "impacts",
     "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic",
     "heat_friction": "friction",
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
@@ -53,7 +54,8 @@ _SHORT = {
 }  # fmt: skip
 COLOR_OF = {
     "gravity_work": "0.5", "wall_work": COLORS[2], "load_work": COLORS[0],
-    "adhesion_work": "#aa4499", "friction_loss": COLORS[1], "impact_loss": COLORS[5],
+    "adhesion_work": "#aa4499", "expansion_work": "#661100", "worn_energy": "#ddcc77",
+    "friction_loss": COLORS[1], "impact_loss": COLORS[5],
     "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4],
     "heat_friction": COLORS[1],
     "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",

@@ -116,7 +116,8 @@ def test_pictures_have_one_scale_if_asked(column):
     network = force_network(column)
     mean = float(np.abs(network.force[:, 0]).mean())
     widths = [
-        line_widths(panel_of(draw_forces, network), network, unit) for unit in (None, 2 * mean)
+        line_widths(panel_of(draw_forces, network), network.scene, network.force[:, 0], unit=unit)
+        for unit in (None, 2 * mean)
     ]
     wide = widths[0] < widths[0].max()  # up to the widest
     assert widths[0][wide] == pytest.approx(2.0 * widths[1][wide])
