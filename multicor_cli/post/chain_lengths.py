@@ -31,10 +31,17 @@ class ChainLengths(Table):
 def chain_lengths(
     source: Run, selection: Selection | None = None, *, angle: float = ANGLE
 ) -> ChainLengths:
-    """How long force chains are; arguments and exceptions as `chains`.
+    """How long force chains are.
+
+    Args:
+        source: The run.
+        selection: Which frames with forces; default: the later half of the last stage.
+        angle: As `chains`.
 
     Raises:
-        PostError: Also if there is no chain in these frames.
+        PostError: As `chains`, or if there is no chain in these frames.
+        MissingLibrary: If SciPy is not installed.
+        StoreError: If the run cannot be read.
     """
     chosen, found = find_all(source, selection, angle)
     lengths = [own.length for _, own in found]
