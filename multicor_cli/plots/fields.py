@@ -43,7 +43,7 @@ def _fill(figure: Any, table: FieldTable) -> None:
     if table.frames.size == 1:
         name_frame(place.axes, first, int(table.frames[0]))
     else:
-        text = f"mean of {table.frames.size} frames, $t$ = {first:.6g} to {last:.6g} s"
+        text = f"{table.frames.size} frames, $t$ = {first:.4g} to {last:.4g} s"
         place.axes.set_title(text, loc="left", fontsize=8.0, pad=4.0)
 
 

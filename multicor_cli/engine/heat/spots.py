@@ -13,6 +13,7 @@ from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_p
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
 from multicor_cli.engine.heat.conduction import hertz_spots, roughen
+from multicor_cli.engine.heat.hertz import contact_radius
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.jit.compile import kernel
@@ -238,28 +239,28 @@ for _needed in (spot_conductance, flash_rise):
 
 @kernel
 def hottest_spot(
-    scene: Scene, spots: tuple[Ints, Ints, Floats], power: Floats, rubbing: Floats, normal: Floats,
-    temperature: Floats, laws: HeatLaws,
+    scene: Scene, i: Ints, j: Ints, radius: Floats, modulus: Floats, force: Floats, power: Floats,
+    rubbing: Floats, normal: Floats, temperature: Floats, laws: HeatLaws,
 ) -> float:  # fmt: skip
     """Temperature of the hottest spot [K], 0 if friction heats none: mean of its bodies and flash.
 
-    ``spots`` are i, j and the radius [m] of ``c`` contacts, ``power`` that of friction in the place
-    of each [W]; the sliding speed is ``rubbing`` [N m] over the impulse ``normal`` [N s].
+    Contacts (i, j) have a* and E* (`Touching`), ``force`` and ``power`` of friction in the place of
+    each in this step [N, W]; the spot is that of Hertz, as `post hot-spots` has it, whatever force
+    conduction takes. The sliding speed is ``rubbing`` [N m] over the impulse ``normal`` [N s].
     ``temperature`` is that of grains and wall shapes [K], ``(n + m,)``; nan of a wall that takes no
     heat, whose grain then counts alone.
     """
-    i, j, radius = spots
     hottest = 0.0
     for c in range(i.size):
-        if power[c] <= 0.0 or radius[c] <= 0.0:
+        if power[c] <= 0.0 or normal[c] <= 0.0:
             continue
         first, second = temperature[i[c]], temperature[j[c]]
         a, b = scene.material[i[c]], scene.material[j[c]]
-        slip = rubbing[c] / normal[c] if normal[c] > 0.0 else 0.0
         takes_heat = not np.isnan(second)
         mean = 0.5 * (first + second) if takes_heat else first
         rise = flash_rise(
-            power[c], radius[c], slip, laws.conductivity[a], laws.volumetric[a],
+            power[c], contact_radius(force[c], radius[c], modulus[c]), rubbing[c] / normal[c],
+            laws.conductivity[a], laws.volumetric[a],
             laws.conductivity[b] if takes_heat else 0.0, laws.volumetric[b],
         )  # fmt: skip
         hottest = max(hottest, mean + rise)

@@ -267,10 +267,11 @@ class HeatStep:
         """The hottest spot of a step, by temperatures at its start."""
         hottest, state, touching = 0.0, self._state, spots.touching
         if self._knows_flash:
+            force = spots.places.totals(rubbed.normal) / dt
             power = spots.places.totals(np.maximum(rubbed.friction, 0.0)) / dt
             hottest = hottest_spot(
-                scene, (touching.i, touching.j, spots.radius), power, rubbed.rubbing,
-                rubbed.normal, self.shape_temperatures(t), self._settings.laws,
+                scene, touching.i, touching.j, touching.radius, touching.modulus, force, power,
+                rubbed.rubbing, rubbed.normal, self.shape_temperatures(t), self._settings.laws,
             )  # fmt: skip
         note_hottest(state, hottest, is_first=state.window[_STEPS] <= 1.0)
 

@@ -101,7 +101,7 @@ def test_pictures_of_a_frame_say_when_it_was(column):
     }
     assert told == {f"$t$ = {of_grains.time:.6g} s, frame 2"}
     several = figure_of(_fill, fields(column, ["speed"], Selection(frames=slice(1, 3))))
-    assert several.axes[0].get_title("left").startswith("mean of 2 frames, $t$ = ")
+    assert several.axes[0].get_title("left").startswith("2 frames, $t$ = ")
 
 
 def test_pictures_have_one_scale_if_asked(column):
