@@ -31,7 +31,8 @@ def mean_flow(directory, what, key):
         found.append([table.mean[name] for name in NAMES])
         errors = [table.error[name] for name in NAMES]
         print(
-            f"{key}, seed {seed}:", ", ".join(map("{} = {:.4f} ± {:.4f}".format, NAMES, found[-1], errors))
+            f"{key}, seed {seed}:",
+            ", ".join(map("{} = {:.4f} ± {:.4f}".format, NAMES, found[-1], errors)),
         )
     return np.mean(found, axis=0)
 
