@@ -34,6 +34,7 @@ _WALLS = "Names of the walls below and above."
 Between = Annotated[
     tuple[str, str] | None, option("--between LOWER UPPER", _WALLS, "those that bound the grains")
 ]
+SeriesStart = Annotated[float | None, option("--from T", "Earliest time, in s.", "the start")]
 Margin = Annotated[
     float | None,
     option(

@@ -1,0 +1,258 @@
+"""Commands ``post diffusion`` to ``avalanches``: where grains are, and where they go."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from multicor_cli import store
+from multicor_cli.cli import options
+from multicor_cli.cli.options import RunPath, option
+from multicor_cli.cli.post_output import (
+    Between,
+    End,
+    Frames,
+    Margin,
+    SeriesStart,
+    Shown,
+    Start,
+    selected,
+)
+from multicor_cli.cli.post_output import span_of as _span
+from multicor_cli.text import count_noun, unit_sign, with_error
+
+if TYPE_CHECKING:
+    from multicor_cli.post.source import Selection
+
+
+# ---- Command `post diffusion`: how far grains stray from the mean flow
+
+
+def diffusion(
+    directory: RunPath,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    margin: Margin = None,
+    between: Between = None,
+) -> Shown:
+    """Mean square displacements beside the mean flow against the time lag, in a cell or in the bulk
+    of a layer, and the self-diffusion.
+
+    D is half of what a mean square grows by, from lags on in which the flow is strained by 1.
+    Errors are those over lags that begin at different frames.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.diffusion(run, selection, margin=margin, between=between)
+    about = _span(table.frames.size, "frame", table.times)
+    unit = table.shear_rate * table.diameter**2
+    for axis, value, error in zip("xy", table.diffusion, table.diffusion_error, strict=True):
+        about += f"\nD_{axis} = {value:.4g} ± {error:.2g} m²/s"
+        about += f" = {value / unit:.3g} ± {error / unit:.1g} γ̇d²" if unit > 0.0 else ""
+    return Shown(table, about, directory, is_detailed=False)
+
+
+# ---- Command `post structure`: how the grains are arranged
+
+_FACTOR = "Show the structure factor S(k) instead, which needs a cell; in the figure, beside g."
+HasFactor = Annotated[bool, option("--factor", _FACTOR)]
+_CELLS = "Show the radical cells instead: local solid fraction, neighbors, hexatic order."
+OfCells = Annotated[bool, option("--voronoi", _CELLS)]
+Farthest = Annotated[
+    float | None,
+    option("--reach D", "Largest distance in mean diameters.", "10, or what the region allows"),
+]
+_EVEN = "Number of bins of g, of shells of S, or of local solid fractions from 0 to 1."
+EvenBins = Annotated[
+    int | None,
+    option("--bins", _EVEN, "20 per mean diameter; shells of 0.2/d; 50 of fractions", min=1),
+]
+_SIDES = "Leave out this many mean diameters at sides that are not periodic."
+SideMargin = Annotated[float | None, option("--margin D", _SIDES, "1")]
+
+
+def structure(
+    context: typer.Context,
+    directory: RunPath,
+    has_factor: HasFactor = False,
+    is_of_cells: OfCells = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    reach: Farthest = None,
+    bins: EvenBins = None,
+    margin: SideMargin = None,
+) -> Shown:
+    """Measure how the grains are arranged: the pair correlation function g(r), averaged over frames
+    with standard errors; with --factor the structure factor S(k) of a cell, with --voronoi the
+    radical cells of the grains.
+
+    g is the number of pairs at the distance r over that of an ideal gas in the same region: a cell,
+    or the rectangle of the centers of the grains. Edges of the region are accounted for, but the
+    grains have to fill it evenly. S(k) is averaged over all waves that fit into the cell. The table
+    of radical cells holds means over grains and frames, CSV the distribution of the local solid
+    fraction, JSON and figure both.
+    """
+    if is_of_cells and (has_factor or reach is not None):
+        raise typer.BadParameter(f"--voronoi excludes {'--factor' if has_factor else '--reach'}")
+    from multicor_cli import post
+
+    selection, drawn = selected(start, end, frames), None
+    with store.open_run(directory) as run:
+        if is_of_cells:
+            cells = post.voronoi(run, selection, bins, margin=margin)
+            about = _counted(cells)
+            if cells.open_share:
+                about += f"; {100.0 * cells.open_share:.3g} % of all have open cells"
+            return Shown(cells, about, directory)
+        if not has_factor:
+            pairs = post.pair_correlation(run, selection, reach, bins, margin=margin)
+            peak = f"largest g = {pairs.first_peak:.4g}"
+            if math.isfinite(pairs.first_peak_error):
+                peak += f" ± {pairs.first_peak_error:.2g}"
+            peak += f" at r = {pairs.first_peak_distance:.4g} d"
+            return Shown(pairs, _about_grains(pairs, peak), directory, is_detailed=False)
+        factor = post.structure_factor(run, selection, bins)
+        if context.params["plot"] is not None:
+            drawn = post.pair_correlation(run, selection, reach).with_(factor=factor)
+    return Shown(factor, _about_grains(factor), directory, is_detailed=False, figure=drawn)
+
+
+def _about_grains(table: Any, more: str = "") -> str:
+    return "\n".join(filter(None, (_counted(table), more, table.note)))
+
+
+def _counted(table: Any) -> str:
+    span = _span(table.frames.size, "frame", table.times)
+    return (
+        f"{span}, {table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
+    )
+
+
+# ---- Command `post correlation`: over which distances grains move together
+
+_WIDE = "Number of bins of the distance."
+WideBins = Annotated[int | None, option("--bins", _WIDE, "5 per mean diameter", min=1)]
+
+
+def correlation(
+    directory: RunPath,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    reach: Farthest = None,
+    bins: WideBins = None,
+    margin: SideMargin = None,
+) -> Shown:
+    """Measure over which distances grains move together: the correlation C(r) of their velocities
+    beside the mean flow, of their components along x and across it, and of their spins.
+
+    C is the mean product of two grains at the distance r over the mean square of all, averaged over
+    frames with standard errors. The correlation length is where C falls below 1/e.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        found = post.correlation(run, selected(start, end, frames), reach, bins, margin=margin)
+    lengths = [
+        f"{with_error(getattr(found, name), getattr(found, f'error_{name}'))} d{of}"
+        for name, of in zip(
+            post.LENGTHS, ("", " along the flow", " across", " of spins"), strict=True
+        )
+        if math.isfinite(getattr(found, name))
+    ]
+    told = f"correlation length {', '.join(lengths)}" if lengths else "C stays above 1/e"
+    about = f"velocities beside the mean flow {found.fluctuation:.4g} m/s; {told}"
+    return Shown(found, _about_grains(found, about), directory, is_detailed=False)
+
+
+# ---- Commands `post mixing`, `post residence`, `post avalanches`: groups, stays, sudden drops
+
+_IN_CELL = "Grains in a cell; the index depends on it."
+CellGrains = Annotated[float, option("--cell N", _IN_CELL)]
+_MIXED = "Groups that count, in this order; several times for several."
+MixedGroups = Annotated[list[str] | None, option("--group NAME", _MIXED, "all")]
+
+
+def chosen_of_all(start: float | None, end: float | None, frames: str | None) -> Selection:
+    """The frames that the options choose; all without them."""
+    if start is None and end is None and frames is None:
+        frames = ":"
+    return selected(start, end, frames)
+
+
+def mixing(
+    directory: RunPath,
+    cell: CellGrains = 10.0,
+    groups: MixedGroups = None,
+    start: SeriesStart = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure over time how well groups of grains are mixed: Lacey's index, 0 where they are apart
+    and 1 where chance places them; and how far their mean heights are apart.
+
+    Cells hold equal numbers of grains. The separation is 1 with the first group on top, -1 below.
+    Concentrations over the height are profiles: post profile --of solid-fraction --group NAME.
+    """
+    from multicor_cli import post
+
+    chosen = chosen_of_all(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.mixing(run, chosen, cell=cell, groups=groups or ())
+    about = _span(table.frames.size, "frame", table.times)
+    about += f", {table.cells:.4g} cells of {table.cell_grains:.3g} grains; by chance M is 1 ± "
+    return Shown(table, f"{about}{table.random_scatter:.2g} in a frame", directory)
+
+
+def residence(
+    directory: RunPath, start: SeriesStart = None, end: End = None, frames: Frames = None
+) -> Shown:
+    """Measure how long grains stay between where they are released and an outlet: means with
+    errors and medians of all and of each group; the survival as JSON and figure, stays as CSV.
+
+    Stays of grains that are still inside count as longer than that (Kaplan and Meier). Grains that
+    are there in the first frame do not count. That needs scipy.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.residence(run, chosen_of_all(start, end, frames))
+    about = f"{_span(table.frames.size, 'frame', table.times)}; not counted: "
+    about += f"{count_noun(table.first, 'grain')} of the first frame"
+    if table.lost:
+        about += f"; {count_noun(table.lost, 'stay')} ended beside the outlets"
+    return Shown(table, about, directory)
+
+
+_COLUMN = "The column, as kinetic or 'top: force_x'."
+OneColumn = Annotated[str, option("--of COLUMN", _COLUMN, False, autocompletion=options.columns)]
+_DROP = "Smallest drop that counts, in the unit of the column."
+Threshold = Annotated[float | None, option("--threshold X", _DROP, "its standard deviation")]
+
+
+def avalanches(
+    directory: RunPath,
+    of: OneColumn,
+    threshold: Threshold = None,
+    start: SeriesStart = None,
+    end: End = None,
+) -> Shown:
+    """Find sudden drops of a column of the time series, as of a force in stick and slip: numbers,
+    sizes, durations and waiting times with errors; the single drops as CSV.
+
+    A drop goes from a local maximum to the minimum that follows. An exponent of their sizes is
+    given where they are compatible with a power law, else why not.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.avalanches(run, of, start, end, threshold=threshold)
+    about = f"{table.of} from t = {table.times[0]:g} s to {table.times[1]:g} s, drops of at least "
+    about += f"{table.threshold:.4g} {unit_sign(table.unit)}"
+    return Shown(table, "\n".join(filter(None, (about, table.note))), directory)

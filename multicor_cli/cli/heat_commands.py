@@ -1,0 +1,190 @@
+"""Commands ``post conductivity``, ``heat-network``, ``wall-heat``, ``hot-spots``: heat."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from multicor_cli import store
+from multicor_cli.cli.options import RunPath, option
+from multicor_cli.cli.post_output import (
+    Between,
+    End,
+    Frames,
+    Margin,
+    OneFrame,
+    Shown,
+    Start,
+    selected,
+)
+from multicor_cli.cli.post_output import span_of as _span
+
+if TYPE_CHECKING:
+    from multicor_cli.post.source import Run, Selection
+
+
+# ---- Command `post conductivity`: how a cell, or a layer between two walls, conducts
+
+_NETWORK = "Solve the contacts of the frames, although the run says what has flowed."
+OfNetwork = Annotated[bool, option("--network", _NETWORK)]
+
+
+def conductivity(
+    directory: RunPath,
+    is_of_network: OfNetwork = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    margin: Margin = None,
+    between: Between = None,
+) -> Shown:
+    """Measure how a cell, or a layer between two walls, conducts heat: means with errors; over time
+    as CSV, JSON and figure.
+
+    In a cell with heat.gradient, or between walls of different temperature, that is what has flowed
+    between frames; a packing must be steady for it to be a conductivity. With --network, and in a
+    cell without gradient, steady temperatures are found at once, in the contacts of each frame as
+    they are: gas and radiation do not count then. That needs scipy. K is the conductance of a
+    square, k is K over the thickness of discs.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        if run.model.is_cell:
+            if margin is not None or between is not None:
+                raise post.PostError("a cell has no walls: leave out --margin and --between")
+            return _of_cell(run, selection, directory, is_of_network=is_of_network)
+        if not is_of_network:
+            if margin is not None:
+                raise typer.BadParameter("--margin needs --network", param_hint="--margin")
+            through = post.layer_flow(run, selection, between=between)
+            about = _span(through.frames.size, "frame", through.times)
+            return Shown(through, f"{about}, {_about_layer(through)}", directory)
+        layer = post.layer_conductivity(run, selection, between=between, margin=margin)
+    about = f"{_span(layer.frames.size, 'frame', layer.times)}, {_about_layer(layer)}; "
+    about += f"the bulk begins {layer.margin:.4g} m from each wall"
+    return Shown(layer, about + _not_counted(layer), directory)
+
+
+def _of_cell(run: Run, selection: Selection, directory: Path, *, is_of_network: bool) -> Shown:
+    from multicor_cli import post
+
+    if any(run.model.heat_gradient) and not is_of_network:
+        flux = post.mean_heat(run, selection)
+        along = ", ".join(f"{value:g}" for value in flux.gradient)
+        about = _span(flux.frames.size, "frame", flux.times)
+        return Shown(flux, f"{about}, under a gradient of ({along}) K/m", directory)
+    table = post.conductivity(run, selection)
+    about = _span(table.frames.size, "frame", table.times)
+    about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
+    return Shown(table, about + _not_counted(table), directory)
+
+
+def _about_layer(table: Any) -> str:
+    names = " and ".join(f"'{name}'" for name in table.walls)
+    return f"between {names}, {table.height:.4g} m apart, {table.width:.4g} m wide"
+
+
+# ---- Command `post heat-network`: where heat flows
+
+
+def heat_network(directory: RunPath, frame: OneFrame = -1) -> Shown:
+    """Show the heat that the contacts of one frame conduct: their numbers as a table, the single
+    contacts as CSV, the network as figure.
+
+    The flow of a contact is its conductance times the difference of temperatures; gas in the gaps,
+    radiation, and what grains carry with them do not count. `post fields` and `post map` show the
+    same as a heat flux.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.heat_network(run, frame)
+    about = f"heat flow through contacts in frame {table.frame} at t = {table.time:g} s"
+    return Shown(table, about + _not_counted(table), directory)
+
+
+def _not_counted(table: Any) -> str:
+    return f"; not counted: {table.left_out}" if table.left_out else ""
+
+
+# ---- Command `post wall-heat`: between walls and a bed
+
+_WALLS_ASKED = "Wall to look at; several times for several."
+WallNames = Annotated[
+    list[str] | None, option("--wall NAME", _WALLS_ASKED, "all with a temperature")
+]
+_NEAR = "Take grains within so many mean diameters of the wall for the bed, not all."
+NearWall = Annotated[float | None, option("--near D", _NEAR, "all grains")]
+_WETTED = "Wetted length of a wall (in m)."
+WettedLength = Annotated[
+    float | None, option("--length L", _WETTED, "the diameters of the grains that touch it")
+]
+_GAS = "Make the Nusselt number with the conductivity of the gas instead of the solid."
+OfGas = Annotated[bool, option("--gas", _GAS)]
+
+
+def wall_heat(
+    directory: RunPath,
+    walls: WallNames = None,
+    near: NearWall = None,
+    length: WettedLength = None,
+    is_of_gas: OfGas = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure the heat transfer between walls and the bed: coefficient h and Nusselt number, means
+    with errors; over time as CSV, JSON and figure.
+
+    h is the heat flow from the wall into the grains over wetted area and difference of
+    temperatures, T_bed is weighted by heat capacity. The area is wetted length times thickness of
+    the discs; a layer of spheres is one mean diameter thick.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.wall_heat(
+            run, selection, walls or (), near=near, length=length,
+            over="gas" if is_of_gas else "solid",
+        )  # fmt: skip
+    about = f"{_span(table.frames.size, 'frame', table.times)}, {table.thickness:.4g} m thick"
+    k = f"k = {table.conductivity:g} W/(m K) of the {table.over}"
+    if not math.isfinite(table.conductivity):
+        k = f"no Nusselt number: the {table.over} has no conductivity, or several"
+    return Shown(table, f"{about}; {k}", directory)
+
+
+# ---- Command `post hot-spots`: the spots of sliding contacts
+
+_LIMIT = "Count the spots that are hotter (in K)."
+Limit = Annotated[float | None, option("--limit T", _LIMIT, "the lowest ignition or melting")]
+
+
+def hot_spots(
+    directory: RunPath,
+    limit: Limit = None,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure how hot the spots of sliding contacts are: quantiles with errors; over time as CSV,
+    both and the distributions as JSON, the distributions as figure.
+
+    A spot is hotter than the mean of its two bodies by the flash of friction, in its hottest point:
+    that of a circular source of heat on two half-spaces (Tian & Kennedy 1994), with the spot of
+    smooth elastic spheres.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.hot_spots(run, selection, limit)
+    about = f"{table.contacts} sliding contacts in {_span(table.frames.size, 'frame', table.times)}"
+    about += f", limit {table.limit:g} K" if math.isfinite(table.limit) else ""
+    return Shown(table, about, directory)
