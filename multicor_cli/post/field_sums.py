@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.model import Floats, Model
+from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import heat_flows, loaded_contacts
-from multicor_cli.post.lattice import Lattice, gradient_of, relative_velocity
+from multicor_cli.post.lattice import gradient_of, relative_velocity
 from multicor_cli.post.source import Frame, PostError, Run, model_of
 from multicor_cli.post.table import Quantity
 
@@ -137,120 +138,7 @@ def _refuse_many(count: float, spacing: float) -> None:
         )
 
 
-# ---- Coarse graining: smooth fields of what grains and contacts carry, at any points of the plane.
-#
-# A quantity A of the grains has the density Σ A_i φ(x − x_i), with a kernel φ whose integral is 1;
-# what contacts carry is spread along their branches. Mass, momentum and stress made so obey the
-# balances of continua exactly (Goldhirsch, Granular Matter 12, 239, 2010).
-
-_PAIRS = 2_000_000  # pairs of a source and a point that are looked at together
-_MOST_CELLS = 1000  # along x and along y, however short the kernel is
-_NODES = 6  # of Gauss's quadrature along a line
-
-
-class _Pairs(NamedTuple):
-    """Numbers of near sources and points, and vectors from one to the other [m], ``(k, 2)``."""
-
-    source: NDArray[np.int64]
-    point: NDArray[np.int64]
-    away: Floats
-
-
-class CoarseGrid:
-    """Points at which densities are wanted, and the kernel.
-
-    The kernel is that of Lucy (Astron. J. 82, 1013, 1977) in the plane, φ = 5/(π c²) (1 + 3q)(1 −
-    q)³ with q = r/c < 1: it reaches to the distance c and has two continuous derivatives.
-    """
-
-    def __init__(self, points: Floats, reach: float, lattice: Lattice | None = None) -> None:
-        """Sort points into squares; ``reach`` c is at most the span of the lattice [m]."""
-        self.reach, self.lattice = reach, lattice or Lattice()
-        self.points = points = self.lattice.wrapped(points)
-        self._width = max(reach, float(np.ptp(points, axis=0).max()) / _MOST_CELLS)
-        cell = self._cell(points)
-        self._low = cell.min(axis=0)
-        self._size = cell.max(axis=0) - self._low + 1
-        at = cell - self._low
-        key = at[:, 0] * self._size[1] + at[:, 1]
-        self._order = np.argsort(key, kind="stable")
-        self._first = np.searchsorted(key[self._order], np.arange(self._size.prod() + 1))
-
-    def densities(self, position: Floats, values: Floats) -> Floats:
-        """Densities ``(m, q)`` [per m²] of what sources between the sides carry, ``(n, q)``."""
-        total = np.zeros((len(self.points), values.shape[1]))
-        for source, point, away in self._pairs(position):
-            q = np.hypot(*away.T) / self.reach
-            kernel = (5.0 / (np.pi * self.reach**2)) * (1.0 + 3.0 * q) * (1.0 - q) ** 3
-            self._add(total, point, kernel[:, np.newaxis] * values[source])
-        return total
-
-    def gradients(self, position: Floats, values: Floats) -> Floats:
-        """Gradients of the densities, as `densities`; shape ``(m, q, 2)``, per m³."""
-        total = np.zeros((len(self.points), values.shape[1], 2))
-        for source, point, away in self._pairs(position):
-            slope = (-60.0 / (np.pi * self.reach**4)) * (1.0 - np.hypot(*away.T) / self.reach) ** 2
-            for axis in (0, 1):
-                rise = (slope * away[:, axis])[:, np.newaxis]
-                self._add(total[:, :, axis], point, rise * values[source])
-        return total
-
-    def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
-        """Densities of what is spread evenly along branches, by Gauss's quadrature (six points)."""
-        total = np.zeros((len(self.points), values.shape[1]))
-        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-        for node, weight in zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True):
-            at = self.lattice.wrapped(start + node * branch)
-            total += self.densities(at, weight * values)
-        return total
-
-    @staticmethod
-    def _add(total: Floats, point: NDArray[np.int64], values: Floats) -> None:
-        for column in range(values.shape[1]):
-            total[:, column] += np.bincount(point, values[:, column], minlength=len(total))
-
-    def _cell(self, points: Floats) -> NDArray[np.int64]:
-        return np.asarray(np.floor(points / self._width).astype(np.int64))
-
-    def _pairs(self, position: Floats) -> Iterator[_Pairs]:
-        """All pairs within reach, some at a time."""
-        which, shift = self.lattice.images(position, np.full(len(position), self.reach))
-        at = position[which] + shift
-        cell = self._cell(at)
-        for across in (-1, 0, 1):
-            column, row = cell[:, 0] + across - self._low[0], cell[:, 1] - self._low[1]
-            low, high = (np.clip(row + up, 0, self._size[1] - 1) for up in (-1, 1))
-            is_near = (column >= 0) & (column < self._size[0])
-            is_near &= (row + 1 >= 0) & (row - 1 < self._size[1])
-            near = np.flatnonzero(is_near)
-            base = column[near] * self._size[1]
-            first, last = self._first[base + low[near]], self._first[base + high[near] + 1]
-            yield from self._expanded(at, which, near, first, last - first)
-
-    def _expanded(
-        self,
-        at: Floats,
-        which: NDArray[np.int64],
-        near: NDArray[np.int64],
-        first: NDArray[np.int64],
-        count: NDArray[np.int64],
-    ) -> Iterator[_Pairs]:
-        """Pairs of sources ``near`` with ``count`` points each, from ``first`` on in cell order."""
-        ends = np.cumsum(count)
-        begin, done = 0, 0
-        while begin < near.size:
-            end = max(int(np.searchsorted(ends, done + _PAIRS, side="right")), begin + 1)
-            n = count[begin:end]
-            source = np.repeat(near[begin:end], n)
-            offset = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
-            point = self._order[np.repeat(first[begin:end], n) + offset]
-            away = self.points[point] - at[source]
-            kept = (away**2).sum(axis=1) < self.reach**2
-            yield _Pairs(which[source[kept]], point[kept], away[kept])
-            begin, done = end, int(ends[end - 1])
-
-
-# ---- Densities, and fields made of them
+# ---- Densities, and fields made of them; see `multicor_cli.post.coarse`
 
 _GRAINS = ("area", "mass", "p0", "p1", "spin", "k00", "k01", "k11")
 _HEAT = ("capacity", "energy")
@@ -338,29 +226,20 @@ def frame_sums(
     """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
     model = model_of(source, frame)
     position = coarse.lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
-    columns = _of_grains(frame, model, position, points, coarse)
-    if model.thermal is not None:
-        assert frame.temperature is not None
-        capacity = model.thermal.capacity
-        energy = capacity * np.asarray(frame.temperature)
-        columns += [*coarse.densities(position, np.column_stack([capacity, energy])).T]
-    turned = np.cos(points.turn), np.sin(points.turn)
-    if known.stress:
-        contacts = loaded_contacts(frame, model)
-        virial = np.column_stack([contacts.virial(a, b) for a, b in _ALL])
-        xx, xy, yx, yy = coarse.densities_along(position[contacts.i], -contacts.branch, virial).T
-        columns += _tensor(xx, xy, yx, yy, *turned)
-    if known.flux:
-        flows = heat_flows(frame, model)
-        contacts, carried = flows.contacts, np.column_stack([flows.virial(a) for a in (0, 1)])
-        x, y = coarse.densities_along(position[contacts.i], -contacts.branch, carried).T
-        columns += _vector(x, y, *turned)
+    columns = _of_grains(frame, model, position, points, coarse, known)
+    if known.stress or known.flux:
+        columns += _of_contacts(frame, model, position, points, coarse, known)
     weight = np.bincount(points.row)
     return np.column_stack([np.bincount(points.row, column) / weight for column in columns])
 
 
 def _of_grains(
-    frame: Frame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid
+    frame: Frame,
+    model: Model,
+    position: Floats,
+    points: FieldPoints,
+    coarse: CoarseGrid,
+    known: Known,
 ) -> list[Floats]:
     grains, velocity = model.grains, np.asarray(frame.velocity, np.float64)[:, :2]
     m = grains.mass
@@ -368,11 +247,16 @@ def _of_grains(
         velocity = relative_velocity(frame)
     vx, vy = velocity.T
     spin = m * np.asarray(frame.spin, np.float64)
-    carried = np.column_stack(
-        [np.pi * grains.radius**2, m, m * vx, m * vy, spin, m * vx * vx, m * vx * vy, m * vy * vy]
-    )
-    area, mass, px, py, turned, xx, xy, yy = coarse.densities(position, carried).T
-    slopes = coarse.gradients(position, carried[:, 1:4])
+    carried = [
+        np.pi * grains.radius**2, m, m * vx, m * vy, spin, m * vx * vx, m * vx * vy, m * vy * vy,
+    ]  # fmt: skip
+    if known.heat:
+        assert model.thermal is not None
+        capacity = model.thermal.capacity
+        carried += [capacity, capacity * np.asarray(frame.temperature)]
+    found = coarse.densities(position, np.column_stack(carried)).T
+    area, mass, px, py, turned, xx, xy, yy = found[:8]
+    slopes = coarse.gradients(position, np.column_stack(carried[1:4]))
     (mx, my), (px_x, px_y), (py_x, py_y) = np.moveaxis(slopes, 0, -1)
     if model.is_cell:
         gradient = gradient_of(frame)
@@ -387,7 +271,40 @@ def _of_grains(
     k00, k01, _, k11 = _tensor(xx, xy, xy, yy, c, s)
     momentum, slope = _vector(px, py, c, s), _vector(mx, my, c, s)
     flow = _tensor(px_x, px_y, py_x, py_y, c, s)
-    return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow]
+    return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow, *found[8:]]
+
+
+def _of_contacts(
+    frame: Frame,
+    model: Model,
+    position: Floats,
+    points: FieldPoints,
+    coarse: CoarseGrid,
+    known: Known,
+) -> list[Floats]:
+    """Stress and heat flux: contacts that carry both are looked at once."""
+    count = len(frame.contacts.i)
+    branch, carried = np.zeros((count, 2)), np.zeros((count, 6))
+    if known.stress:
+        loaded = loaded_contacts(frame, model)
+        branch[loaded.row] = loaded.branch
+        carried[loaded.row, :4] = np.column_stack([loaded.virial(a, b) for a, b in _ALL])
+    if known.flux:
+        flows = heat_flows(frame, model)
+        branch[flows.contacts.row] = flows.contacts.branch
+        carried[flows.contacts.row, 4:] = np.column_stack([flows.virial(a) for a in (0, 1)])
+    row = np.flatnonzero(carried.any(axis=1))
+    shown = carried[row, 0 if known.stress else 4 : 6 if known.flux else 4]
+    start = position[np.asarray(frame.contacts.i)[row]]
+    found = coarse.densities_along(start, -branch[row], shown).T
+    (c, s), columns = (np.cos(points.turn), np.sin(points.turn)), []
+    if known.stress:
+        xx, xy, yx, yy = found[:4]
+        columns += _tensor(xx, xy, yx, yy, c, s)
+    if known.flux:
+        x, y = found[-2:]
+        columns += _vector(x, y, c, s)
+    return columns
 
 
 def derive(sums: Floats, names: tuple[str, ...], axes: str, diameter: float) -> dict[str, Floats]:

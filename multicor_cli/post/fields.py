@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post import field_sums
+from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import has_conduction, has_forces
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.lattice import lattice_of
@@ -116,7 +117,7 @@ def fields(
     for frame in frames_of(source, chosen):
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
-            coarse = field_sums.CoarseGrid(points.at, reach * diameter, lattice)
+            coarse = CoarseGrid(points.at, reach * diameter, lattice)
         sums = field_sums.frame_sums(source, frame, points, coarse, there)
         blocks.add(sums)
 

@@ -32,7 +32,7 @@ FEW_ROWS = 16
 SURE = 3.0
 """Standard errors from which on a drift is none of chance."""
 
-_AT_ONCE = 4096  # columns whose errors are made together
+_AT_ONCE = 512  # columns whose errors are made together: they stay in the cache
 _LEAST_INDEPENDENT = 2.0  # rows that count as independent, for a mean; a slope needs twice as many
 
 

@@ -6,7 +6,7 @@ from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, fields
-from multicor_cli.post.field_sums import CoarseGrid
+from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.fields import Blocks
 from multicor_cli.post.lattice import Lattice
 
