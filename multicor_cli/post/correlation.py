@@ -160,12 +160,17 @@ def _sums(region: Region, moving: Floats, width: float, count: int) -> Floats:
     around ``width`` [m], twice as much, … pairs and their products of each.
     """
     own = moving[region.which].T.copy()
-    totals = np.zeros((4, count + 2))  # nearer and farther ones too
+    bins = count + 2  # nearer and farther ones too
+    totals = np.zeros((4, bins))
     for near in near_pairs(region.points, region.lattice, (count + 0.5) * width):
         bin_ = np.minimum(near.bins(width), count + 1)
-        totals[0] += np.bincount(bin_, minlength=count + 2)
+        totals[0] += np.bincount(bin_, minlength=bins)
+        # Partners are added up grain by grain, which come one after the other
+        first, last = near.i[:1].sum(), near.i[-1:].sum() + 1
+        bin_ += (near.i - first) * bins
         for total, values in zip(totals[1:], own, strict=True):
-            total += np.bincount(bin_, values[near.i] * values[near.j], minlength=count + 2)
+            others = np.bincount(bin_, values[near.j], minlength=(last - first) * bins)
+            total += values[first:last] @ others.reshape(-1, bins)
     return np.concatenate([[own.shape[1]], (own**2).sum(axis=1), totals[:, 1:-1].ravel()])
 
 

@@ -12,7 +12,7 @@ from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.post.lattice import Lattice
 
-_STRIPS = 4  # in which grains are sorted, per reach
+_STRIPS = 6  # in which grains are sorted, per reach
 _CHUNK = 8192  # pairs at a time that stay in the cache
 
 
@@ -31,8 +31,12 @@ class Pairs(NamedTuple):
 
     def bins(self, width: float) -> NDArray[np.int64]:
         """Numbers of the bins of the distances, whose centers are multiples of ``width`` [m]."""
-        distance = np.sqrt(self.across**2 + self.upwards**2)
-        return np.asarray((distance / width + 0.5).astype(np.int64))
+        distance = self.across**2
+        distance += self.upwards**2
+        np.sqrt(distance, out=distance)
+        distance /= width
+        distance += 0.5
+        return distance.astype(np.int64)
 
 
 def near_pairs(points: Floats, lattice: Lattice, reach: float) -> Iterator[Pairs]:
@@ -63,8 +67,11 @@ def near_pairs(points: Floats, lattice: Lattice, reach: float) -> Iterator[Pairs
         for part in np.array_split(np.arange(len(points)), number.sum() // _CHUNK + 1):
             own = number[part]
             i = np.repeat(part, own)
-            j = np.repeat(first[part] - (np.cumsum(own) - own), own) + np.arange(i.size)
-            across, upwards = x_image[j] - x[i], y_image[j] - y[i]
+            j = np.repeat(first[part] - (np.cumsum(own) - own), own)
+            j += np.arange(j.size)
+            across, upwards = x_image[j], y_image[j]
+            across -= x[i]
+            upwards -= y[i]
             if step == 0:
                 is_above = (upwards > 0.0) | ((upwards == 0.0) & (across > 0.0))
                 i, j = i[is_above], j[is_above]
