@@ -27,6 +27,7 @@ _SHELL = 0.2  # width of a shell of wave numbers, times the mean diameter
 _GRID = 2**26  # points of the largest grid of a transform
 _KERNEL = 10  # points of the grid that a grain is spread over, either way
 _SHAPE = 2.3 * _KERNEL  # β of the kernel
+_TERMS = 40  # of its power series: the rest is below rounding
 
 
 class StructureFactor(Table):
@@ -118,10 +119,11 @@ def _shells(points: Floats, lattice: Lattice, limit: float, count: int) -> Float
     m, n = np.arange(-right, right + 1)[:, np.newaxis], np.arange(up + 1)
     # k·a is 2πm with the lattice vector a to the right, 2πn with that upwards
     k_x = turn * m / lattice.width
-    k = np.hypot(k_x, (turn * n - k_x * lattice.tilt) / lattice.height)
+    k = np.sqrt(k_x**2 + ((turn * n - k_x * lattice.tilt) / lattice.height) ** 2)
     counting = (k < limit) & ((n > 0) | (m > 0))  # k and −k scatter alike
     shell = (k[counting] * (count / limit)).astype(np.int64)
-    value = np.abs(amplitudes(points, lattice, right, up)[counting]) ** 2 / len(points)
+    found = amplitudes(points, lattice, right, up)[counting]
+    value = (found.real**2 + found.imag**2) / len(points)
     weights = (value, None, k[counting])
     return np.array([np.bincount(shell, weight, count)[:count] for weight in weights])
 
@@ -137,6 +139,7 @@ def amplitudes(points: Floats, lattice: Lattice, right: int, up: int) -> NDArray
     Returns:
         Complex amplitudes, shape ``(2 right + 1, up + 1)``.
     """
+    points = points[np.argsort(points[:, X])]  # what is spread together lies together
     y = points[:, Y] / lattice.height
     parts = np.column_stack([(points[:, X] - lattice.slant * points[:, Y]) / lattice.width, y])
     sizes = [_fast_length(max(4 * most + 2, 2 * _KERNEL)) for most in (right, up)]
@@ -144,9 +147,9 @@ def amplitudes(points: Floats, lattice: Lattice, right: int, up: int) -> NDArray
     for part, size in zip(parts.T, sizes, strict=True):
         at = part * size
         place = np.ceil(at - 0.5 * _KERNEL)[:, np.newaxis] + np.arange(_KERNEL)
-        away = np.clip((place - at[:, np.newaxis]) / (0.5 * _KERNEL), -1.0, 1.0)
+        away = (place - at[:, np.newaxis]) / (0.5 * _KERNEL)
         places.append(place.astype(np.int64) % size)
-        weights.append(np.i0(_SHAPE * np.sqrt(1.0 - away**2)))
+        weights.append(_kernel(np.maximum(1.0 - away**2, 0.0)))
     place = places[0][:, :, np.newaxis] * sizes[1] + places[1][:, np.newaxis]
     weight = weights[0][:, :, np.newaxis] * weights[1][:, np.newaxis]
     grid = np.bincount(place.ravel(), weight.ravel(), sizes[0] * sizes[1]).reshape(sizes)
@@ -154,6 +157,16 @@ def amplitudes(points: Floats, lattice: Lattice, right: int, up: int) -> NDArray
     # Waves that nobody asks for are left out of the second transform
     found = np.fft.fft(np.fft.rfft(grid)[:, : up + 1], axis=0)[m]
     return np.asarray(found / (_spread(m / sizes[0])[:, np.newaxis] * _spread(n / sizes[1])))
+
+
+def _kernel(u: Floats) -> Floats:
+    """I₀(β √u) for 0 ≤ u ≤ 1 by its power series, which takes a third of the time of np.i0."""
+    found = np.ones_like(u)
+    for k in range(_TERMS, 0, -1):
+        found *= u
+        found *= (0.5 * _SHAPE / k) ** 2
+        found += 1.0
+    return found
 
 
 def _spread(frequency: Floats) -> Floats:
