@@ -99,7 +99,7 @@ class _Sides(NamedTuple):
     def reach_of(self, count: int) -> Floats:
         """How far the cells of so many grains reach from their centers [m], shape ``(n,)``."""
         found = np.zeros(count)
-        np.maximum.at(found, self.grain, np.sqrt((self.end**2).sum(axis=1)))
+        np.maximum.at(found, self.grain, np.sqrt(_dot(self.end, self.end)))
         return found
 
 
@@ -160,7 +160,7 @@ def _radical_sides(points: Floats, radius: Floats, count: int, room: float) -> _
     at = np.concatenate([(points - middle) / scale, corners])
     square = np.append(radius / scale, np.zeros(4)) ** 2
     hull = library("scipy.spatial").ConvexHull(
-        np.column_stack([at, (at**2).sum(axis=1) - square]), qhull_options="Qt Q11"
+        np.column_stack([at, _dot(at, at) - square]), qhull_options="Qt Q11"
     )
     number = np.full(len(hull.simplices), -1)
     is_lower = hull.equations[:, 2] < 0.0
@@ -252,9 +252,9 @@ def _foot(outline: Outline, k: int, center: Floats, period: float) -> Floats:
 def _cut(sides: _Sides, foot: Floats) -> _Sides:
     """The cells as far as they lie before the lines through some feet, across the ways there."""
     own = foot[sides.grain]
-    square = (own**2).sum(axis=1)
+    square = _dot(own, own)
     one, two = (
-        np.nan_to_num((own * ends).sum(axis=1) - square, nan=-1.0)
+        np.nan_to_num(_dot(own, ends) - square, nan=-1.0)
         for ends in (sides.start, sides.end)
     )
     leaves, enters = (one <= 0.0) & (two > 0.0), (one > 0.0) & (two <= 0.0)
@@ -270,3 +270,8 @@ def _cut(sides: _Sides, foot: Floats) -> _Sides:
     grain = np.flatnonzero(np.isfinite(out[:, 0]) & np.isfinite(back[:, 0]))
     wall = grain, np.full(grain.size, WALL), out[grain], back[grain]
     return _Sides(*(np.concatenate(pair) for pair in zip(inside, wall, strict=True)))
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Products of vectors, row by row."""
+    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])
