@@ -137,6 +137,7 @@ def _balanced(links: Any, is_free: NDArray[np.bool_], inflow: Floats) -> Floats:
         direct = library("scipy.sparse.linalg").splu(
             balance.tocsc()[:, is_free][is_free],
             permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True},
+            panel_size=1,  # rows of networks in a plane are short
         )  # fmt: skip
         found[is_free] = direct.solve(inflow[is_free])
     return found
