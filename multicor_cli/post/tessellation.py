@@ -254,8 +254,7 @@ def _cut(sides: _Sides, foot: Floats) -> _Sides:
     own = foot[sides.grain]
     square = _dot(own, own)
     one, two = (
-        np.nan_to_num(_dot(own, ends) - square, nan=-1.0)
-        for ends in (sides.start, sides.end)
+        np.nan_to_num(_dot(own, ends) - square, nan=-1.0) for ends in (sides.start, sides.end)
     )
     leaves, enters = (one <= 0.0) & (two > 0.0), (one > 0.0) & (two <= 0.0)
     part = np.divide(one, one - two, out=np.zeros_like(one), where=leaves | enters)
