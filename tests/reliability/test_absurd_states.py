@@ -41,7 +41,7 @@ REPLACED = {
 }
 """Fields that a step may make right by itself, and why."""
 
-OF_GRAINS = {name: name for name in ("position", "velocity", "heat", "wear")} | {
+OF_GRAINS = {name: name for name in ("position", "velocity", "heat", "wear", "radius")} | {
     "generated": "heat generated"
 }
 """Fields with a row per grain, and what messages call them."""
@@ -61,7 +61,7 @@ def spoil(tmp_path, cases):
 
 
 def test_fields_are_all_that_have_a_fraction():
-    assert len(FLOATS) == 26
+    assert len(FLOATS) == 28
     assert set(REPLACED) < set(FLOATS)
 
 

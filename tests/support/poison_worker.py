@@ -19,6 +19,9 @@ from multicor_cli.running.outcome import exit_code_of
 from multicor_cli.store import open_run, verify
 
 
+OVERRIDES = "output.checkpoint_interval=0.01", "materials.steel.expansion=1e-6"
+
+
 def main(scenario: Path, directory: Path) -> None:
     original = session_module.Engine.step
     case: list[Any] = []
@@ -48,7 +51,7 @@ def main(scenario: Path, directory: Path) -> None:
 def outcome(scenario: Path, directory: Path) -> dict[str, Any]:
     code, message = 0, ""
     try:
-        run_scenario(scenario, directory, overrides=["output.checkpoint_interval=0.01"])
+        run_scenario(scenario, directory, overrides=OVERRIDES)
     except Exception as error:
         code, message = int(exit_code_of(error)), f"{type(error).__name__}: {error}"
     with open_run(directory) as run:
