@@ -233,6 +233,7 @@ def _advance(state: State) -> None:
     state.window[:2] = state.last_dt, 1.0
     state.window_wall_impulse[:] = np.array([[0.3, -1.0, 0.0], [-0.3, 1.0, 0.0]]) * state.last_dt
     state.books += 1e-3
+    state.books[0] = 1e-3 * (state.step // ROWS_PER_FRAME % 7)  # kinetic energy, which drops
     state.heat_books[HEAT_BOOK_NAMES.index("stored")] += 1e-3
 
 

@@ -18,7 +18,6 @@ from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import exit_code_of
 from multicor_cli.store import open_run, verify
 
-
 OVERRIDES = "output.checkpoint_interval=0.01", "materials.steel.expansion=1e-6"
 
 

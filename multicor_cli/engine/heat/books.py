@@ -13,13 +13,14 @@ import numpy as np
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.sums import column_totals, total_and_magnitude
-from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
+from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES, WINDOW_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 
 _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
+_STEPS = WINDOW_NAMES.index("steps")
 _HEAT_OUT = EXCHANGE_NAMES.index("heat_out")
 
 
@@ -131,10 +132,15 @@ def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> 
     books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio
 
 
-def note_hottest(state: State, temperature: float, *, is_first: bool) -> None:
-    """Keep the temperature of the hottest spot in the window [K]; ``is_first`` begins it."""
-    books, k = state.heat_books, _BOOK["hottest_spot"]
-    books[k] = temperature if is_first else max(books[k], temperature)
+def hottest_so_far(state: State) -> float:
+    """Temperature of the hottest spot of the window before this step [K]; 0 in its first one."""
+    is_first = state.window[_STEPS] <= 1.0
+    return 0.0 if is_first else float(state.heat_books[_BOOK["hottest_spot"]])
+
+
+def note_hottest(state: State, temperature: float) -> None:
+    """Keep the temperature of the hottest spot in the window [K]."""
+    state.heat_books[_BOOK["hottest_spot"]] = temperature
 
 
 def strike_balance(state: State, received: Floats) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_p
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
 from multicor_cli.engine.heat.conduction import hertz_spots, roughen
-from multicor_cli.engine.heat.hertz import contact_radius
+from multicor_cli.engine.heat.hertz import contact_radius, contact_volume
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.jit.compile import kernel
@@ -233,6 +234,8 @@ def pairs_at_rest(
     return i, j, force * _shares(scene, i, j, np.ones(i.size))
 
 
+_SURELY = 1.0 - 1e-12
+
 for _needed in (spot_conductance, flash_rise):
     formula(_needed)
 
@@ -240,9 +243,9 @@ for _needed in (spot_conductance, flash_rise):
 @kernel
 def hottest_spot(
     scene: Scene, i: Ints, j: Ints, radius: Floats, modulus: Floats, force: Floats, power: Floats,
-    rubbing: Floats, normal: Floats, temperature: Floats, laws: HeatLaws,
+    rubbing: Floats, normal: Floats, temperature: Floats, laws: HeatLaws, hottest: float,
 ) -> float:  # fmt: skip
-    """Temperature of the hottest spot [K], 0 if friction heats none: mean of its bodies and flash.
+    """Temperature of the hottest spot [K]: mean of its bodies and flash; at least ``hottest``.
 
     Contacts (i, j) have a* and E* (`Touching`), ``force`` and ``power`` of friction in the place of
     each in this step [N, W]; the spot is that of Hertz, as `post hot-spots` has it, whatever force
@@ -250,7 +253,6 @@ def hottest_spot(
     ``temperature`` is that of grains and wall shapes [K], ``(n + m,)``; nan of a wall that takes no
     heat, whose grain then counts alone.
     """
-    hottest = 0.0
     for c in range(i.size):
         if power[c] <= 0.0 or normal[c] <= 0.0:
             continue
@@ -258,10 +260,15 @@ def hottest_spot(
         a, b = scene.material[i[c]], scene.material[j[c]]
         takes_heat = not np.isnan(second)
         mean = 0.5 * (first + second) if takes_heat else first
+        conducts = laws.conductivity[b] if takes_heat else 0.0
+        # Spots are hottest at rest, P/(π a (λ_i + λ_j)): without a root most are known to be cooler
+        least = pi * (laws.conductivity[a] + conducts) * (hottest - mean)
+        volume = contact_volume(force[c], radius[c], modulus[c])
+        if least > 0.0 and power[c] ** 3 < _SURELY * (least * least * least) * volume:
+            continue
         rise = flash_rise(
             power[c], contact_radius(force[c], radius[c], modulus[c]), rubbing[c] / normal[c],
-            laws.conductivity[a], laws.volumetric[a],
-            laws.conductivity[b] if takes_heat else 0.0, laws.volumetric[b],
+            laws.conductivity[a], laws.volumetric[a], conducts, laws.volumetric[b],
         )  # fmt: skip
         hottest = max(hottest, mean + rise)
     return hottest

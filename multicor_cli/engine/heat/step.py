@@ -21,6 +21,7 @@ from multicor_cli.engine.heat.books import (
     book_flow,
     book_generated,
     book_undelivered,
+    hottest_so_far,
     note_contacts,
     note_hottest,
     receive,
@@ -61,7 +62,6 @@ from multicor_cli.engine.heat.spots import (
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.books import WINDOW_NAMES
 from multicor_cli.model.columns import FRICTION
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
@@ -69,7 +69,6 @@ from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
 _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
-_STEPS = WINDOW_NAMES.index("steps")
 
 
 class _Rubbed(NamedTuple):
@@ -171,7 +170,7 @@ class HeatStep:
             Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
         """
         scene = self._resting_scene()
-        note_hottest(self._state, 0.0, is_first=True)
+        note_hottest(self._state, 0.0)
         links, spots = self._rest(scene)
         self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
         source = np.zeros(self._capacity.size)
@@ -183,7 +182,7 @@ class HeatStep:
     def flow_nowhere(self, dt: float, t: float) -> None:
         """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
         self._note_walls(dt, t)
-        note_hottest(self._state, 0.0, is_first=True)
+        note_hottest(self._state, 0.0)
         book_undelivered(
             self._state, WallValues(self._conditions, t).undelivered(dt, np.zeros(0, np.int32))
         )
@@ -191,7 +190,7 @@ class HeatStep:
     def skip(self, dt: float, t: float) -> None:
         """Heat is off in this step: averages of forces are dropped, walls follow their signals."""
         state = self._state
-        note_hottest(state, 0.0, is_first=True)
+        note_hottest(state, 0.0)
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
             state.mean_i, state.mean_j, state.mean_force = none, none, np.zeros(0)
@@ -265,15 +264,17 @@ class HeatStep:
         self, scene: Scene, spots: Spots, rubbed: _Rubbed, dt: float, t: float
     ) -> None:
         """The hottest spot of a step, by temperatures at its start."""
-        hottest, state, touching = 0.0, self._state, spots.touching
+        state, touching = self._state, spots.touching
+        hottest = hottest_so_far(state)
         if self._knows_flash:
             force = spots.places.totals(rubbed.normal) / dt
             power = spots.places.totals(np.maximum(rubbed.friction, 0.0)) / dt
             hottest = hottest_spot(
                 scene, touching.i, touching.j, touching.radius, touching.modulus, force, power,
                 rubbed.rubbing, rubbed.normal, self.shape_temperatures(t), self._settings.laws,
+                hottest,
             )  # fmt: skip
-        note_hottest(state, hottest, is_first=state.window[_STEPS] <= 1.0)
+        note_hottest(state, hottest)
 
     def _spots(self, moved: Moved, carried: Floats, touching: Touching, dt: float) -> Spots:
         scene, contacts, settings = moved.scene, moved.contacts, self._settings
