@@ -147,7 +147,9 @@ class ContactLaws(NamedTuple):
     @property
     def depends_on_temperature(self) -> bool:
         """Whether friction does, for any pair."""
-        return self.softening_rate.size > 0 or bool(np.isfinite(self.flash_limit).any())
+        if self.softening_rate.size:
+            return True
+        return self.flash_limit.size > 0 and bool(np.isfinite(self.flash_limit).any())
 
     def with_ranges(self, mean_diameter: float) -> ContactLaws:
         """The same; dry, with a range of `RANGE` mean diameters [m], if there is adhesion without.

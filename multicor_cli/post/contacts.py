@@ -110,6 +110,12 @@ class LoadedContacts:
         return found
 
 
+def shape_temperatures(frame: Frame, model: Model) -> Floats:
+    """Temperatures of grains, then of wall shapes [K], nan where a wall has none, ``(n + m,)``."""
+    of_walls = need_heat(frame.wall_temperature)[model.shapes.wall]
+    return np.concatenate([need_heat(frame.temperature), of_walls])
+
+
 def has_forces(frame: Frame) -> bool:
     """Whether contact forces belong to a frame: they were recorded, and a step came before it."""
     return bool(frame.contacts.recorded) and frame.dt > 0.0
@@ -162,8 +168,7 @@ def heat_flows(frame: Frame, model: Model) -> HeatFlows:
     H (T_j − T_i − G·ℓ) with the branch ℓ from j to i. A wall without temperature conducts nothing.
     """
     contacts, conductance = conducting_contacts(frame, model, has_walls=True)
-    of_walls = need_heat(frame.wall_temperature)[model.shapes.wall]
-    temperature = np.concatenate([need_heat(frame.temperature), of_walls])
+    temperature = shape_temperatures(frame, model)
     rise = temperature[contacts.j] - temperature[contacts.i]
     if any(model.heat_gradient):
         rise -= contacts.branch @ np.array(model.heat_gradient)

@@ -10,7 +10,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.flash import flash_rise, spot_peclet
 from multicor_cli.model.model import Floats
-from multicor_cli.post.contacts import loaded_contacts, with_forces
+from multicor_cli.post.contacts import loaded_contacts, shape_temperatures, with_forces
 from multicor_cli.post.materials import properties
 from multicor_cli.post.source import (
     Frame,
@@ -165,8 +165,7 @@ def _spots(model: Model, frame: Frame, materials: _Materials) -> _Spots:
     share = float(slides.mean()) if slides.size else np.nan
     rows = np.flatnonzero(slides)
     contacts, slip = loaded.only(rows), slip[rows]
-    of_walls = need_heat(frame.wall_temperature)[model.shapes.wall]
-    temperature = np.concatenate([need_heat(frame.temperature), of_walls])
+    temperature = shape_temperatures(frame, model)
     ends, material = (contacts.i, contacts.j), model.material
     first, second = (temperature[end] for end in ends)
     takes_heat = np.isfinite(second)

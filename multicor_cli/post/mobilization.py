@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import ContactLaws, Floats, Model
-from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
+from multicor_cli.post.contacts import (
+    LoadedContacts,
+    loaded_contacts,
+    shape_temperatures,
+    with_forces,
+)
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -19,7 +24,6 @@ from multicor_cli.post.source import (
     frames_of,
     frames_told,
     model_of,
-    need_heat,
 )
 from multicor_cli.post.sums import Sums, average, scatter
 from multicor_cli.post.table import Column, Table
@@ -113,8 +117,7 @@ def _of_speed(laws: ContactLaws, pair: _Pairs, mu: Floats, speed: Floats) -> Flo
 
 def _temperatures(contacts: LoadedContacts, model: Model, frame: Frame) -> Floats:
     """Mean temperature of both bodies [K]; that of the grain where a wall has none."""
-    of_wall = need_heat(frame.wall_temperature)[model.shapes.wall]
-    temperature = np.concatenate([need_heat(frame.temperature), of_wall])
+    temperature = shape_temperatures(frame, model)
     first, second = temperature[contacts.i], temperature[contacts.j]
     return np.asarray(np.where(np.isnan(second), first, 0.5 * (first + second)))
 

@@ -264,7 +264,10 @@ def hottest_spot(
         # Spots are hottest at rest, P/(π a (λ_i + λ_j)): without a root most are known to be cooler
         least = pi * (laws.conductivity[a] + conducts) * (hottest - mean)
         volume = contact_volume(force[c], radius[c], modulus[c])
-        if least > 0.0 and power[c] ** 3 < _SURELY * (least * least * least) * volume:
+        if (
+            least > 0.0
+            and power[c] * power[c] * power[c] < _SURELY * (least * least * least) * volume
+        ):
             continue
         rise = flash_rise(
             power[c], contact_radius(force[c], radius[c], modulus[c]), rubbing[c] / normal[c],

@@ -299,6 +299,8 @@ class HeatStep:
 
     def _pairs(self, scene: Scene, reach: float) -> tuple[Ints, Ints, Floats]:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
+        if self._state.radius.size:
+            self._list.note_radii(self._model.grains.radius)
         self._list.update(scene, reach * float(self._model.grains.radius.max()))
         return near_pairs(scene, self._list.row, self._list.partner, reach)
 
