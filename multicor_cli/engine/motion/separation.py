@@ -3,12 +3,13 @@
 The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥
 −target for all near pairs. That is a convex problem, a contact problem without friction whose
 velocities are displacements; it is solved by accelerated sweeps, with the walls that a force drives
-taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
+taking part. (Pushing pairs apart one by one alone never ends under a heavy lid.)
 
-In a flow a few contacts overlap a little in nearly every step. Every loaded contact around them can
-take a part of the correction up to the target, so that it is enough to move the grains nearby, with
-all others and the walls held: the first rounds do that, and the following ones move everything if
-need be.
+In a flow a few contacts overlap a little in nearly every step. They are pushed apart one by one,
+and so are those that are pushed too deep by that; nearly always that ends after some pushes each.
+Where it does not, every loaded contact around the overlaps can take a part of the correction up to
+the target, so that it is enough to move the grains nearby, with all others and the walls held: the
+first rounds do that, and the following ones move everything if need be.
 """
 
 from __future__ import annotations
@@ -141,6 +142,71 @@ def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[
             first[found], second[found] = around.owner[p], partner[p]
             found += 1
     return first[:found], second[:found]
+
+
+# ---- Pushing apart, pair by pair
+
+
+@kernel
+def push_pairs(
+    scene: Scene,
+    i: Ints,
+    j: Ints,
+    around: Around,
+    partner: Ints,
+    mass: Floats,
+    target: float,
+    allowed: float,
+    marked: NDArray[np.bool_],
+) -> tuple[float, float]:
+    """Push pairs that overlap by more than ``allowed`` back to ``target``, and whom that pushes.
+
+    One after the other, as the masses say, walls held, until none is left or too many have been;
+    not at all where these are not few. Positions of ``scene`` are **modified**; grains that move
+    are marked. Returns Σ m δx and Σ m δy [kg m].
+    """
+    count, pull_x, pull_y, found = marked.size, 0.0, 0.0, 0
+    most = int(FEW * count)
+    queue = np.empty((PUSHES * most, 2), np.int32)
+    for c in range(i.size):
+        if marked[i[c]] and _overlap(scene, i[c], j[c]) > allowed:
+            if found == most:
+                return 0.0, 0.0
+            queue[found, FIRST], queue[found, SECOND] = i[c], j[c]
+            found += 1
+    done = 0
+    while done < found:
+        a, b = queue[done, FIRST], queue[done, SECOND]
+        done += 1
+        gap, nx, ny = pair_geometry(scene, a, b)
+        smaller = smaller_of(scene, a, b)
+        if -gap <= allowed * smaller:
+            continue
+        way = -gap - target * smaller
+        mine = mass[b] / (mass[a] + mass[b]) if b < count else 1.0
+        scene.position[a, X] += mine * way * nx
+        scene.position[a, Y] += mine * way * ny
+        pull_x += mass[a] * mine * way * nx
+        pull_y += mass[a] * mine * way * ny
+        marked[a] = True
+        if b < count:
+            other = 1.0 - mine
+            scene.position[b, X] -= other * way * nx
+            scene.position[b, Y] -= other * way * ny
+            pull_x -= mass[b] * other * way * nx
+            pull_y -= mass[b] * other * way * ny
+            marked[b] = True
+        for k in (a, b):
+            if k >= count:
+                continue
+            for e in range(around.start[k], around.start[k + 1]):
+                p = around.pair[e]
+                if found < queue.shape[0] and (
+                    _overlap(scene, around.owner[p], partner[p]) > allowed
+                ):
+                    queue[found, FIRST], queue[found, SECOND] = around.owner[p], partner[p]
+                    found += 1
+    return pull_x, pull_y
 
 
 # ---- Pushing apart: the grains around overlaps with all others held, or all grains
@@ -369,6 +435,8 @@ TARGET = 2.5e-4
 # at most over the mean diameter
 CHAIN, NEAR = 20.0, 0.1
 FORBIDDEN = 1e-3  # a run that cannot get below this stops
+FEW = 0.1  # pairs per grain that are pushed apart one by one: more push each other
+PUSHES = 20  # for each of them
 ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
 RINGS = 4  # of neighbors that make up "nearby"
@@ -419,9 +487,14 @@ def push_apart(
     above, below = mark_overlaps(scene, i, j, ALLOWED, marked)
     held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
     largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
+    if above > 0.0:
+        pull_x, pull_y = push_pairs(scene, i, j, around, partner, mass, TARGET, ALLOWED, marked)
+        above, others = mark_again(scene, around, partner, ALLOWED, marked)
+        below = max(below, others)
+        rounds = 1
     while above > 0.0 and rounds < ROUNDS:
         near = min(near, CHAIN * above * largest)
-        is_local = rounds < LOCAL_ROUNDS
+        is_local = rounds <= LOCAL_ROUNDS
         if is_local:
             count = surround(scene, around, partner, near, rings, marked)
             is_local = count <= LOCAL_SHARE * marked.size
