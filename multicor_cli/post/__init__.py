@@ -1,91 +1,22 @@
-"""Tables computed from a run directory, each in a module of its own; these are at hand here."""
+"""Tables computed from a run directory, each in a module of its own; these are at hand here.
 
-from multicor_cli.post.avalanches import Avalanches as Avalanches
-from multicor_cli.post.avalanches import avalanches as avalanches
-from multicor_cli.post.cell_rheology import CellRheology as CellRheology
-from multicor_cli.post.chain_lengths import ChainLengths as ChainLengths
-from multicor_cli.post.chain_lengths import ChainMap as ChainMap
-from multicor_cli.post.chain_lengths import chain_lengths as chain_lengths
-from multicor_cli.post.chain_lengths import chain_map as chain_map
-from multicor_cli.post.chains import Chains as Chains
-from multicor_cli.post.chains import chains as chains
-from multicor_cli.post.clusters import Clusters as Clusters
-from multicor_cli.post.clusters import clusters as clusters
-from multicor_cli.post.compare import Comparison as Comparison
-from multicor_cli.post.compare import ProfilePair as ProfilePair
-from multicor_cli.post.compare import compare as compare
-from multicor_cli.post.conductivity import Conductivity as Conductivity
-from multicor_cli.post.conductivity import conductivity as conductivity
-from multicor_cli.post.correlation import LENGTHS as LENGTHS
-from multicor_cli.post.correlation import VelocityCorrelation as VelocityCorrelation
-from multicor_cli.post.correlation import correlation as correlation
-from multicor_cli.post.crossings import FlowTable as FlowTable
-from multicor_cli.post.crossings import flow_through as flow_through
-from multicor_cli.post.diffusion import Diffusion as Diffusion
-from multicor_cli.post.diffusion import diffusion as diffusion
-from multicor_cli.post.energy import EnergyTable as EnergyTable
-from multicor_cli.post.energy import SeriesTable as SeriesTable
-from multicor_cli.post.energy import energy as energy
-from multicor_cli.post.energy import series as series
-from multicor_cli.post.fabric import Fabric as Fabric
-from multicor_cli.post.fabric import fabric as fabric
-from multicor_cli.post.fields import FieldTable as FieldTable
-from multicor_cli.post.fields import fields as fields
-from multicor_cli.post.forces import AngularDistribution as AngularDistribution
-from multicor_cli.post.forces import ForceDistribution as ForceDistribution
-from multicor_cli.post.forces import ForceNetwork as ForceNetwork
-from multicor_cli.post.forces import angular_distribution as angular_distribution
-from multicor_cli.post.forces import force_distribution as force_distribution
-from multicor_cli.post.forces import force_network as force_network
-from multicor_cli.post.grain_map import GrainMap as GrainMap
-from multicor_cli.post.grain_map import GrainScene as GrainScene
-from multicor_cli.post.grain_map import grain_map as grain_map
-from multicor_cli.post.grain_map import make_scene as make_scene
-from multicor_cli.post.heat_network import HeatNetwork as HeatNetwork
-from multicor_cli.post.heat_network import heat_network as heat_network
-from multicor_cli.post.hot_spots import HotSpots as HotSpots
-from multicor_cli.post.hot_spots import hot_spots as hot_spots
-from multicor_cli.post.layer_conductivity import LayerConductivity as LayerConductivity
-from multicor_cli.post.layer_conductivity import LayerFlow as LayerFlow
-from multicor_cli.post.layer_conductivity import layer_conductivity as layer_conductivity
-from multicor_cli.post.layer_conductivity import layer_flow as layer_flow
-from multicor_cli.post.lifetimes import LIFETIMES as LIFETIMES
-from multicor_cli.post.lifetimes import Lifetimes as Lifetimes
-from multicor_cli.post.lifetimes import lifetimes as lifetimes
-from multicor_cli.post.mean_heat import MeanHeat as MeanHeat
-from multicor_cli.post.mean_heat import mean_heat as mean_heat
-from multicor_cli.post.mixing import Mixing as Mixing
-from multicor_cli.post.mixing import mixing as mixing
-from multicor_cli.post.mobilization import Mobilization as Mobilization
-from multicor_cli.post.mobilization import mobilization as mobilization
-from multicor_cli.post.profile import ProfileSet as ProfileSet
-from multicor_cli.post.profile import ProfileTable as ProfileTable
-from multicor_cli.post.profile import profile as profile
-from multicor_cli.post.profile import profiles as profiles
-from multicor_cli.post.quantities import MAPPED as MAPPED
-from multicor_cli.post.quantities import PROFILE_GROUPS as PROFILE_GROUPS
-from multicor_cli.post.quantities import PROFILED as PROFILED
-from multicor_cli.post.quantities import QUANTITIES as QUANTITIES
-from multicor_cli.post.quantities import GrainQuantity as GrainQuantity
-from multicor_cli.post.region import RegionTable as RegionTable
-from multicor_cli.post.region import in_region as in_region
-from multicor_cli.post.residence import Residence as Residence
-from multicor_cli.post.residence import residence as residence
-from multicor_cli.post.rheology import Rheology as Rheology
-from multicor_cli.post.rheology import rheology as rheology
-from multicor_cli.post.source import PostError as PostError
-from multicor_cli.post.source import Selection as Selection
-from multicor_cli.post.source import frame_index as frame_index
-from multicor_cli.post.structure import PairCorrelation as PairCorrelation
-from multicor_cli.post.structure import pair_correlation as pair_correlation
-from multicor_cli.post.structure_factor import StructureFactor as StructureFactor
-from multicor_cli.post.structure_factor import structure_factor as structure_factor
-from multicor_cli.post.table import Column as Column
-from multicor_cli.post.table import Quantity as Quantity
-from multicor_cli.post.table import Table as Table
-from multicor_cli.post.theta_eta import ThetaTable as ThetaTable
-from multicor_cli.post.theta_eta import theta_eta as theta_eta
-from multicor_cli.post.voronoi import VoronoiTable as VoronoiTable
-from multicor_cli.post.voronoi import voronoi as voronoi
-from multicor_cli.post.wall_heat import WallHeatTable as WallHeatTable
-from multicor_cli.post.wall_heat import wall_heat as wall_heat
+Names are loaded when they are first used: a command loads the table that it makes.
+"""
+
+import sys
+from types import ModuleType
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+class _Face(ModuleType):
+    """Many functions have the names of their modules: here these names are the functions."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (isinstance(value, ModuleType) and name in __all__):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Face
