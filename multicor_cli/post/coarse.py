@@ -14,13 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.optional import is_installed
+from multicor_cli.post import kernel
 from multicor_cli.post.lattice import Lattice
+from multicor_cli.post.stencils import Mesh, Stencils
 
 _AT_ONCE = 8192  # pairs of a point and a source that stay in the cache
 _POINTS = 2048  # whose sources are looked for together
 _SQUARES = 6  # in which sources are sorted, per reach
 _MOST_SQUARES = 1000  # along x and along y, however short the kernel is
-_NODES = 6  # of Gauss's quadrature along a line
+_MANY = 4  # frames for which it pays to load SciPy
+_NONE = slice(0)
 
 
 class _Near(NamedTuple):
@@ -107,69 +111,75 @@ class _Squares:
 
 
 class CoarseGrid:
-    """Points at which densities are wanted, and the kernel.
+    """Points at which densities are wanted, and how far the kernel reaches.
 
-    The kernel is that of Lucy (Astron. J. 82, 1013, 1977) in the plane, φ = 5/(π c²) (1 + 3q)(1 −
-    q)³ with q = r/c < 1: it reaches to the distance c and has two continuous derivatives.
+    At the points of a mesh, many frames are faster with `Stencils`.
     """
 
-    def __init__(self, points: Floats, reach: float, lattice: Lattice | None = None) -> None:
-        """The ``reach`` c is at most the span of the lattice [m]."""
+    def __init__(
+        self,
+        points: Floats,
+        reach: float,
+        lattice: Lattice | None = None,
+        mesh: Mesh | None = None,
+        frames: int = 1,
+    ) -> None:
+        """The ``reach`` c is at most the span of the lattice [m]; so many ``frames`` will come."""
         self.reach, self.lattice = reach, lattice or Lattice()
         self.points = self.lattice.wrapped(points)
+        self._stencils: Stencils | None = None
+        if mesh is not None and frames >= _MANY and Stencils.suit(mesh, reach):
+            is_inside = np.allclose(self.points, points, rtol=0.0, atol=1e-9 * reach)
+            if is_inside and is_installed("scipy"):
+                self._stencils = Stencils(mesh, reach, frames)
 
-    def densities(self, position: Floats, values: Floats) -> Floats:
-        """Densities ``(m, q)`` [per m²] of what sources between the sides carry, ``(n, q)``."""
-        total = np.zeros((values.shape[1], len(self.points)))
-        squares, which = self._sources(position, self.reach)
-        carried = values[which].T.copy()
-        for near in squares.near():
-            square = (near.away**2).sum(axis=0, keepdims=True) / self.reach**2
-            near.add(total, self._kernel(square, np.ones(1)), carried)
-        return total.T
+    def of_grains(
+        self, position: Floats, values: Floats, sloped: slice = _NONE
+    ) -> tuple[Floats, Floats]:
+        """Densities ``(m, q)`` of what sources between the sides carry, and gradients of some.
 
-    def gradients(self, position: Floats, values: Floats) -> Floats:
-        """Gradients of the densities, as `densities`; shape ``(m, q, 2)``, per m³."""
-        total = np.zeros((2, values.shape[1], len(self.points)))
-        squares, which = self._sources(position, self.reach)
-        carried = values[which].T.copy()
+        Args:
+            position: Of the sources [m], shape ``(n, 2)``.
+            values: What they carry, shape ``(n, q)``.
+            sloped: Columns whose gradients are wanted, shape ``(m, s, 2)``.
+        """
+        at, which = self._images(position, self.reach)
+        if self._stencils is not None:
+            return self._stencils.of_grains(at, values[which], sloped)
+        squares = _Squares(self.points, at, self.reach)
+        carried = values[which[squares.order]].T.copy()
+        density = np.zeros((len(carried), len(self.points)))
+        gradient = np.zeros((2, *density[sloped].shape))
         for near in squares.near():
-            q = np.sqrt(np.minimum((near.away**2).sum(axis=0) / self.reach**2, 1.0))
-            slope = (-60.0 / (np.pi * self.reach**4)) * (1.0 - q) ** 2
-            for sums, way in zip(total, near.away, strict=True):
-                near.add(sums, slope * way, carried)
-        return total.T
+            away = near.away / self.reach
+            depth = kernel.depth((away**2).sum(axis=0))
+            near.add(density, kernel.value(depth), carried)
+            slope = kernel.slope(depth)
+            for total, way in zip(gradient, away, strict=True):
+                near.add(total, slope * way, carried[sloped])
+        height = kernel.height(self.reach)
+        return height * density.T, height / self.reach * gradient.T
 
     def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
-        """Densities of what is spread evenly along branches, by Gauss's quadrature (six points)."""
-        total = np.zeros((values.shape[1], len(self.points)))
+        """Densities ``(m, q)`` of what is spread evenly along branches."""
         half = 0.5 * branch
         reach = self.reach + float(np.hypot(*half.T).max(initial=0.0))
-        squares, which = self._sources(start + half, reach)
-        carried, half = values[which].T.copy(), half[which].T / self.reach
-        length = (half**2).sum(axis=0)
-        node, weight = np.polynomial.legendre.leggauss(_NODES)
-        powers = np.column_stack([np.ones(_NODES), -2.0 * node, node**2])
+        at, which = self._images(start + half, reach)
+        if self._stencils is not None and self._stencils.is_worth(half):
+            return self._stencils.along(at, half[which], values[which])
+        squares = _Squares(self.points, at, reach)
+        which = which[squares.order]
+        total, carried = np.zeros((values.shape[1], len(self.points))), values[which].T.copy()
+        ahead, length = kernel.directions(half[which] / self.reach)
+        c, s = ahead.T.copy()
         for near in squares.near():
-            x, y = near.away / self.reach
-            along = x * half[0][near.source] + y * half[1][near.source]
-            square = powers @ np.stack([x**2 + y**2, along, length[near.source]])
-            near.add(total, self._kernel(square, 0.5 * weight), carried)
-        return total.T
+            (x, y), cos, sin = near.away / self.reach, c[near.source], s[near.source]
+            mean = kernel.mean_along(x * cos + y * sin, y * cos - x * sin, length[near.source])
+            near.add(total, mean, carried)
+        return kernel.height(self.reach) * total.T
 
-    def _kernel(self, square: Floats, weight: Floats) -> Floats:
-        """Sums over φ with weights ``(w,)``, of squares of q, ``(w, k)``, which are overwritten."""
-        q = np.sqrt(np.clip(square, 0.0, 1.0, out=square), out=square)
-        p = np.subtract(1.0, q, out=q)
-        power = p * p
-        p *= power
-        power *= power  # (1 + 3q)(1 − q)³ = 4p³ − 3p⁴
-        scale = 5.0 / (np.pi * self.reach**2)
-        return np.asarray(4.0 * scale * weight @ p - 3.0 * scale * weight @ power)
-
-    def _sources(self, position: Floats, reach: float) -> tuple[_Squares, NDArray[np.int64]]:
-        """Sources and those images of them that reach inside, and which they are, in this order."""
+    def _images(self, position: Floats, reach: float) -> tuple[Floats, NDArray[np.int64]]:
+        """Positions of sources, of those images of them that reach inside; which these are."""
         position = self.lattice.wrapped(position)
         which, shift = self.lattice.images(position, np.full(len(position), reach))
-        squares = _Squares(self.points, position[which] + shift, reach)
-        return squares, which[squares.order]
+        return position[which] + shift, which

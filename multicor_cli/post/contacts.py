@@ -123,8 +123,7 @@ def has_forces(frame: Frame) -> bool:
 
 def loaded_contacts(frame: Frame, model: Model) -> LoadedContacts:
     """The contacts of a frame that carry a force."""
-    force = np.asarray(frame.contacts.force, np.float64)
-    return _contacts(frame, model, np.flatnonzero(force[:, 0]), force)
+    return contacts_at(frame, model, np.flatnonzero(frame.contacts.force[:, 0]))
 
 
 def conducting_contacts(
@@ -137,8 +136,7 @@ def conducting_contacts(
     conductance = need_heat(frame.contacts.conductance)
     is_asked = has_walls | (frame.contacts.j < model.grain_count)
     row = np.flatnonzero((conductance > 0.0) & is_asked)
-    force = np.asarray(frame.contacts.force, np.float64)
-    return _contacts(frame, model, row, force), conductance[row]
+    return contacts_at(frame, model, row), conductance[row]
 
 
 class HeatFlows(NamedTuple):
@@ -176,8 +174,9 @@ def heat_flows(frame: Frame, model: Model) -> HeatFlows:
     return HeatFlows(contacts.only(known), (conductance * rise)[known])
 
 
-def _contacts(frame: Frame, model: Model, row: NDArray[np.int64], force: Floats) -> LoadedContacts:
-    contacts = frame.contacts
+def contacts_at(frame: Frame, model: Model, row: NDArray[np.int64]) -> LoadedContacts:
+    """The contacts of a frame in these rows, whether they carry a force or not."""
+    contacts, force = frame.contacts, np.asarray(frame.contacts.force, np.float64)
     glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
     reach_of = np.concatenate([model.grains.radius, glued])
     return LoadedContacts(

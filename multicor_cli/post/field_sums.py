@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,10 @@ from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.coarse import CoarseGrid
-from multicor_cli.post.contacts import heat_flows, loaded_contacts
+from multicor_cli.post.contacts import contacts_at, heat_flows
 from multicor_cli.post.lattice import gradient_of, relative_velocity
 from multicor_cli.post.source import Frame, PostError, Run, model_of
+from multicor_cli.post.stencils import Mesh
 from multicor_cli.post.table import Quantity
 
 # ---- Where coarse-grained fields are wanted: a grid, a polar grid, a line, or rings about a center
@@ -56,6 +58,19 @@ class FieldPoints:
     def is_grid(self) -> bool:
         """Whether the points fill a part of the plane."""
         return len(self.shape) == 2
+
+    @cached_property
+    def axis(self) -> Floats | None:
+        """The first of the local axes in x and y, shape ``(2, m)``; None if it is x everywhere."""
+        return np.array([np.cos(self.turn), np.sin(self.turn)]) if self.turn.any() else None
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """The rows and columns of a grid along x and y; other points are in none."""
+        if not self.is_grid or self.axes != "xy":
+            return None
+        step = [(edges[-1] - edges[0]) / (edges.size - 1) for edges in self.edges]
+        return Mesh(self.at[0], np.array(step), self.slant, self.shape)
 
 
 def grid(
@@ -229,8 +244,10 @@ def frame_sums(
     columns = _of_grains(frame, model, position, points, coarse, known)
     if known.stress or known.flux:
         columns += _of_contacts(frame, model, position, points, coarse, known)
+    if len(points.coordinates) == len(points.at):  # a row for each point
+        return np.array(columns).T
     weight = np.bincount(points.row)
-    return np.column_stack([np.bincount(points.row, column) / weight for column in columns])
+    return np.array([np.bincount(points.row, column) / weight for column in columns]).T
 
 
 def _of_grains(
@@ -254,10 +271,10 @@ def _of_grains(
         assert model.thermal is not None
         capacity = model.thermal.capacity
         carried += [capacity, capacity * np.asarray(frame.temperature)]
-    found = coarse.densities(position, np.column_stack(carried)).T
+    found, slopes = coarse.of_grains(position, np.column_stack(carried), slice(1, 4))
+    found, slopes = np.ascontiguousarray(found.T), np.ascontiguousarray(slopes.T)
     area, mass, px, py, turned, xx, xy, yy = found[:8]
-    slopes = coarse.gradients(position, np.column_stack(carried[1:4]))
-    (mx, my), (px_x, px_y), (py_x, py_y) = np.moveaxis(slopes, 0, -1)
+    (mx, px_x, py_x), (my, px_y, py_y) = slopes
     if model.is_cell:
         gradient = gradient_of(frame)
         u, v = mean_flow(points.at, gradient).T
@@ -267,10 +284,9 @@ def _of_grains(
         px_x, px_y = px_x + mx * u + mass * gradient[XX], px_y + my * u + mass * gradient[XY]
         py_x, py_y = py_x + mx * v, py_y + my * v + mass * gradient[YY]
         px, py = px + mass * u, py + mass * v
-    c, s = np.cos(points.turn), np.sin(points.turn)
-    k00, k01, _, k11 = _tensor(xx, xy, xy, yy, c, s)
-    momentum, slope = _vector(px, py, c, s), _vector(mx, my, c, s)
-    flow = _tensor(px_x, px_y, py_x, py_y, c, s)
+    k00, k01, _, k11 = _tensor(xx, xy, xy, yy, points.axis)
+    momentum, slope = _vector(px, py, points.axis), _vector(mx, my, points.axis)
+    flow = _tensor(px_x, px_y, py_x, py_y, points.axis)
     return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow, *found[8:]]
 
 
@@ -283,27 +299,26 @@ def _of_contacts(
     known: Known,
 ) -> list[Floats]:
     """Stress and heat flux: contacts that carry both are looked at once."""
-    count = len(frame.contacts.i)
-    branch, carried = np.zeros((count, 2)), np.zeros((count, 6))
+    flow, is_loaded = np.zeros(len(frame.contacts.i)), False
     if known.stress:
-        loaded = loaded_contacts(frame, model)
-        branch[loaded.row] = loaded.branch
-        carried[loaded.row, :4] = np.column_stack([loaded.virial(a, b) for a, b in _ALL])
+        is_loaded = frame.contacts.force[:, 0] != 0.0
     if known.flux:
         flows = heat_flows(frame, model)
-        branch[flows.contacts.row] = flows.contacts.branch
-        carried[flows.contacts.row, 4:] = np.column_stack([flows.virial(a) for a in (0, 1)])
-    row = np.flatnonzero(carried.any(axis=1))
-    shown = carried[row, 0 if known.stress else 4 : 6 if known.flux else 4]
-    start = position[np.asarray(frame.contacts.i)[row]]
-    found = coarse.densities_along(start, -branch[row], shown).T
-    (c, s), columns = (np.cos(points.turn), np.sin(points.turn)), []
+        flow[flows.contacts.row] = flows.flow
+    row = np.flatnonzero(is_loaded | (flow != 0.0))
+    contacts = contacts_at(frame, model, row)
+    carried = [contacts.virial(a, b) for a, b in _ALL] if known.stress else []
+    if known.flux:
+        carried += [flow[row] * contacts.branch[:, a] for a in (0, 1)]
+    start, values = position[contacts.i], np.column_stack(carried)
+    found = np.ascontiguousarray(coarse.densities_along(start, -contacts.branch, values).T)
+    columns = []
     if known.stress:
         xx, xy, yx, yy = found[:4]
-        columns += _tensor(xx, xy, yx, yy, c, s)
+        columns += _tensor(xx, xy, yx, yy, points.axis)
     if known.flux:
         x, y = found[-2:]
-        columns += _vector(x, y, c, s)
+        columns += _vector(x, y, points.axis)
     return columns
 
 
@@ -378,12 +393,15 @@ def _rheology(
     }
 
 
-def _vector(x: Floats, y: Floats, c: Floats, s: Floats) -> list[Floats]:
+def _vector(x: Floats, y: Floats, axis: Floats | None) -> list[Floats]:
     """Components of vectors along axes that are turned."""
+    if axis is None:
+        return [x, y]
+    c, s = axis
     return [c * x + s * y, c * y - s * x]
 
 
-def _tensor(xx: Floats, xy: Floats, yx: Floats, yy: Floats, c: Floats, s: Floats) -> list[Floats]:
+def _tensor(xx: Floats, xy: Floats, yx: Floats, yy: Floats, axis: Floats | None) -> list[Floats]:
     """Components of tensors along axes that are turned: R T Rᵀ, row by row."""
-    (ax, bx), (ay, by) = _vector(xx, yx, c, s), _vector(xy, yy, c, s)  # the first index
-    return [*_vector(ax, ay, c, s), *_vector(bx, by, c, s)]
+    (ax, bx), (ay, by) = _vector(xx, yx, axis), _vector(xy, yy, axis)  # the first index
+    return [*_vector(ax, ay, axis), *_vector(bx, by, axis)]

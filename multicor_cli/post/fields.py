@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -22,7 +23,7 @@ from multicor_cli.post.source import (
     model_of,
     need_grains,
 )
-from multicor_cli.post.sums import pseudo_values, spread
+from multicor_cli.post.sums import pseudo_values, standard_errors
 from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
 from multicor_cli.text import choices
 
@@ -99,8 +100,8 @@ def fields(
         raise PostError("rings need a center; a line has none")
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
-    span = min(lattice_of(source.model, frame).span for frame in frames_of(source, chosen))
-    _refuse_sizes(spacing, reach, diameter, span)
+    uses = Counter(lattice_of(source.model, frame) for frame in frames_of(source, chosen))
+    _refuse_sizes(spacing, reach, diameter, min(lattice.span for lattice in uses))
     with_stress = [k for k in chosen.tolist() if has_forces(source.frames[k])]
     has_stress = bool(with_stress)
     chosen = np.array(with_stress, np.int64) if has_stress else chosen
@@ -111,13 +112,13 @@ def fields(
     names, known = field_sums.column_names(there), tuple(field_sums.field_list(points.axes, there))
     default = ["solid-fraction"] if points.is_grid else [f"velocity-{axis}" for axis in points.axes]
     wanted = _wanted(of or default, known, is_grid=points.is_grid)
-    times = np.asarray(source.frames.time)[chosen]
     blocks = Blocks(_most_rows(len(points.coordinates) * len(names)) if points.is_grid else None)
     coarse = None
     for frame in frames_of(source, chosen):
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
-            coarse = CoarseGrid(points.at, reach * diameter, lattice)
+            at, far = points.at, reach * diameter
+            coarse = CoarseGrid(at, far, lattice, points.mesh, uses[lattice])
         sums = field_sums.frame_sums(source, frame, points, coarse, there)
         blocks.add(sums)
 
@@ -125,7 +126,7 @@ def fields(
         return field_sums.derive(sums, names, points.axes, diameter)
 
     values = derive(blocks.total / chosen.size)
-    error = _errors(blocks, derive, times, [field.name for field in known])
+    error = _errors(blocks, derive, [field.name for field in known])
     coordinates = [
         Column(*split_unit(name), points.coordinates[:, k]) for k, name in enumerate(points.names)
     ]
@@ -261,14 +262,18 @@ class Blocks:
     Attributes:
         rows: Sums of the blocks that are full, each of the shape of a row.
         size: How many rows each of them has.
-        total: Sum of all rows, those of a last block that is not full too.
     """
 
     def __init__(self, most: int | None = None) -> None:
         """All rows are kept if ``most``, an even number, is None."""
         self.rows: list[Floats] = []
         self.size, self._most, self._count = 1, most, 0
-        self.total, self._partial = np.zeros(()), np.zeros(())
+        self._partial = np.zeros(())
+
+    @property
+    def total(self) -> Floats:
+        """Sum of all rows, those of a last block that is not full too."""
+        return np.asarray(sum(self.rows, start=self._partial))
 
     def add(self, row: Floats) -> None:
         """Add a row."""
@@ -277,7 +282,10 @@ class Blocks:
                 first + second for first, second in zip(*[iter(self.rows)] * 2, strict=True)
             ]
             self.size *= 2
-        self._partial, self.total = self._partial + row, self.total + row
+        if self._count % self.size:
+            self._partial += row
+        else:
+            self._partial = row.copy()
         self._count += 1
         if not self._count % self.size:
             self.rows.append(self._partial)
@@ -292,24 +300,22 @@ def _most_rows(numbers: int) -> int:
 def _errors(
     blocks: Blocks,
     derive: Callable[[Floats], dict[str, Floats]],
-    times: Floats,
     names: Sequence[str],
 ) -> dict[str, Floats]:
     """Standard errors of every field from what each block of frames adds to it."""
     count, size = len(blocks.rows), blocks.size
-    places = len(blocks.total)
+    places = len(blocks.rows[0])
     error = {name: np.full(places, np.nan) for name in names}
     if count < 2:
         return error
-    at = times[: count * size].reshape(count, size).mean(axis=1)
     for first in range(0, places, _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
-        rows = np.array([row[part] for row in blocks.rows])
+        rows = np.array([row[part].T for row in blocks.rows]).swapaxes(1, 2)
         whole = rows.sum(axis=0)
         values = derive(whole / (count * size))
         without = derive((whole - rows) / ((count - 1) * size))
         for name in names:
-            error[name][part] = spread(pseudo_values(values[name], without[name]), at).error
+            error[name][part] = standard_errors(pseudo_values(values[name], without[name]))
     return error
 
 
