@@ -111,10 +111,7 @@ class _Squares:
 
 
 class CoarseGrid:
-    """Points at which densities are wanted, and how far the kernel reaches.
-
-    At the points of a mesh, many frames are faster with `Stencils`.
-    """
+    """Points at which densities are wanted, and how far the kernel reaches."""
 
     def __init__(
         self,
@@ -124,11 +121,19 @@ class CoarseGrid:
         mesh: Mesh | None = None,
         frames: int = 1,
     ) -> None:
-        """The ``reach`` c is at most the span of the lattice [m]; so many ``frames`` will come."""
+        """Many frames are faster where the points are those of a mesh: with `Stencils`.
+
+        Args:
+            points: Where they are [m], shape ``(m, 2)``.
+            reach: The distance c to which the kernel reaches, at most the span of the lattice [m].
+            lattice: Where images are.
+            mesh: The rows and columns that the points are, if they are in some.
+            frames: How many sets of grains and branches will come.
+        """
         self.reach, self.lattice = reach, lattice or Lattice()
         self.points = self.lattice.wrapped(points)
         self._stencils: Stencils | None = None
-        if mesh is not None and frames >= _MANY and Stencils.suit(mesh, reach):
+        if mesh is not None and frames >= _MANY and Stencils.suits(mesh, reach):
             is_inside = np.allclose(self.points, points, rtol=0.0, atol=1e-9 * reach)
             if is_inside and is_installed("scipy"):
                 self._stencils = Stencils(mesh, reach, frames)
@@ -136,12 +141,12 @@ class CoarseGrid:
     def of_grains(
         self, position: Floats, values: Floats, sloped: slice = _NONE
     ) -> tuple[Floats, Floats]:
-        """Densities ``(m, q)`` of what sources between the sides carry, and gradients of some.
+        """Densities of what sources carry ``(m, q)`` [per m²], and gradients ``(m, s, 2)`` [per m³].
 
         Args:
             position: Of the sources [m], shape ``(n, 2)``.
             values: What they carry, shape ``(n, q)``.
-            sloped: Columns whose gradients are wanted, shape ``(m, s, 2)``.
+            sloped: Which s of the q gradients are wanted.
         """
         at, which = self._images(position, self.reach)
         if self._stencils is not None:
@@ -161,7 +166,7 @@ class CoarseGrid:
         return height * density.T, height / self.reach * gradient.T
 
     def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
-        """Densities ``(m, q)`` of what is spread evenly along branches."""
+        """Densities ``(m, q)`` [per m²] of what is spread evenly along branches, ``(b, q)``."""
         half = 0.5 * branch
         reach = self.reach + float(np.hypot(*half.T).max(initial=0.0))
         at, which = self._images(start + half, reach)

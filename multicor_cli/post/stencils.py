@@ -19,8 +19,8 @@ from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.post import kernel
 
-_PARTS = 16  # of a reach along x and y: in each sources are alike
-_BRANCHES = 24  # parts of a reach in x and y: half branches are alike
+_PARTS = 16  # of a reach, at least, along x and y: sources in one are alike
+_BRANCHES = 16  # of a reach along x and y: half branches that end in one are alike
 _DEGREE = 4  # of the polynomials
 _SAMPLES = 240  # that each is fitted to
 _LEAST = 1e-7  # weight that counts, of the height of the kernel
@@ -134,8 +134,8 @@ class _Pairs:
 class Stencils:
     """Sums at the points of a mesh of what sources carry; see the module.
 
-    Weights of branches are right to 2·10⁻⁵ of the height of the kernel, sums to a tenth of that;
-    those of grains, and all in single precision, to 10⁻⁶.
+    Weights of branches are right to 2·10⁻⁵ of the height of the kernel, sums of many to 10⁻⁵ of the
+    largest; those of grains, which single precision limits, to 10⁻⁶.
     """
 
     def __init__(self, mesh: Mesh, reach: float, uses: int) -> None:
@@ -148,7 +148,7 @@ class Stencils:
         self._branches: dict[int, _Kind] = {}
 
     @staticmethod
-    def suit(mesh: Mesh, reach: float) -> bool:
+    def suits(mesh: Mesh, reach: float) -> bool:
         """Whether sources reach some of the points, but not so many that little is alike."""
         return bool(mesh.step.max() <= reach <= _FARTHEST * mesh.step.min())
 
@@ -233,9 +233,11 @@ class Stencils:
         return y * _ACROSS + x + _BRANCHES, upwards - square
 
     def _part_of(self, number: int) -> NDArray[np.int64]:
+        """The part with a number, from the left and from below."""
         return np.array(divmod(number, int(self._parts[0])))[::-1]
 
     def _steps(self, longest: float) -> NDArray[np.int64]:
+        """To all points that sources may reach, shape ``(m, 2)``; see `_rim`."""
         beside = np.arange(-self._rim(longest), self._rim(longest) + 1)
         return np.stack(np.meshgrid(beside, beside), axis=-1).reshape(-1, 2)
 

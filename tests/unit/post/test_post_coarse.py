@@ -80,6 +80,7 @@ def test_densities_along_branches_at_any_points(sides):
 
 def on_mesh(sides=None, reach=1.7, spacing=0.45, frames=10**7):
     """Points of a grid, what sums at them with tables, and without."""
+    pytest.importorskip("scipy")
     area = sides or Lattice(8.0, 7.0)
     points = grid((0.0, 0.0), (8.0, area.height or 7.0), spacing, area.slant)
     return points.at, *(
