@@ -141,12 +141,12 @@ class CoarseGrid:
     def of_grains(
         self, position: Floats, values: Floats, sloped: slice = _NONE
     ) -> tuple[Floats, Floats]:
-        """Densities of what sources carry ``(m, q)`` [per m²], and gradients ``(m, s, 2)`` [per m³].
+        """Densities of what sources carry, ``(m, q)``, and gradients of some, ``(m, s, 2)``.
 
         Args:
             position: Of the sources [m], shape ``(n, 2)``.
             values: What they carry, shape ``(n, q)``.
-            sloped: Which s of the q gradients are wanted.
+            sloped: Which s of the q gradients are wanted [per m³]; densities are per m².
         """
         at, which = self._images(position, self.reach)
         if self._stencils is not None:

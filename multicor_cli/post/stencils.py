@@ -201,7 +201,8 @@ class Stencils:
     def _groups(self, count: int, longest: float) -> Iterator[slice]:
         """Sources as many as there may be together."""
         pairs = np.pi * (self._reach * (1.0 + longest)) ** 2 / np.prod(self._mesh.step)
-        size = max(int(max(_MOST, _PER_POINT * np.prod(self._mesh.shape)) / pairs), 1)
+        together = max(_MOST, _PER_POINT * int(np.prod(self._mesh.shape)))
+        size = max(int(together / pairs), 1)
         for first in range(0, count, size):
             yield slice(first, first + size)
 
