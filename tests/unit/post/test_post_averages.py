@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from multicor_cli.post.sums import FEW_ROWS, pseudo_values, spread
+from multicor_cli.post.sums import FEW_ROWS, pseudo_values, spread, standard_errors
 
 
 def autoregressive(phi, rows, count, seed=1):
@@ -94,3 +94,13 @@ def test_what_cannot_be_known_is_not_a_number():
 def test_pseudo_values_of_a_ratio_of_equal_weights_are_its_rows():
     rows = np.random.default_rng(3).random(12)
     assert pseudo_values(np.asarray(rows.mean()), (rows.sum() - rows) / 11) == pytest.approx(rows)
+
+
+def test_standard_errors_are_those_of_the_spread():
+    rows = np.cumsum(np.random.default_rng(8).normal(size=(30, 4, 6)), axis=0)
+    rows[:, 1, 2], rows[3:9, 0, 1], rows[:29, 2, 0] = 5.0, np.nan, np.nan
+    found, expected = standard_errors(rows), spread(rows).error
+    assert np.array_equal(found, expected, equal_nan=True)
+    assert found.shape == (4, 6)
+    assert found[1, 2] == 0.0
+    assert np.isnan(standard_errors(rows[:1])).all()
