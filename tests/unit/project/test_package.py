@@ -113,7 +113,7 @@ def test_names_are_completed():
 
 
 EXPLAINED = [getattr(multicor_cli, name) for name in FUNCTIONS] + [engine.solve_contacts]
-EXPLAINED += filter(inspect.isfunction, vars(post).values())
+EXPLAINED += filter(inspect.isfunction, (getattr(post, name) for name in post.__all__))
 
 
 @pytest.mark.parametrize("function", EXPLAINED, ids=lambda function: function.__name__)
