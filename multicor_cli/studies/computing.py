@@ -20,8 +20,8 @@ from multicor_cli.studies.axes import Case
 from multicor_cli.studies.child import outcome
 from multicor_cli.studies.clusters import Cluster
 from multicor_cli.studies.directory import StudyDirectory
+from multicor_cli.studies.forking import run_case, stop_cases
 from multicor_cli.studies.study_file import Study
-from multicor_cli.studies.task import run_case, stop_cases
 
 if TYPE_CHECKING:
     from distributed import Future

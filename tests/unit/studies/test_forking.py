@@ -10,9 +10,8 @@ import time
 import pytest
 from scenes import SMALL
 
-from multicor_cli.studies import task as task_module
-from multicor_cli.studies.forking import ForkServer
-from multicor_cli.studies.task import run_case, stop_cases
+from multicor_cli.studies import forking
+from multicor_cli.studies.forking import ForkServer, run_case, stop_cases
 
 
 @pytest.fixture(scope="module")
@@ -89,10 +88,10 @@ def test_a_fork_server_that_dies_leaves_its_cases_alone(tmp_path):
 def test_a_worker_starts_another_fork_server_if_its_own_has_died(tmp_path):
     given = {**json.loads(task(tmp_path)), "client": "a", "name": "run"}
     assert run_case(given)["status"] == "finished"
-    (server,) = task_module._fork_servers
+    (server,) = forking._fork_servers
     os.kill(server._process.pid, signal.SIGKILL)
     assert run_case({**given, "directory": str(tmp_path / "again")})["status"] == "finished"
-    assert task_module._fork_servers != [server]
+    assert forking._fork_servers != [server]
 
 
 def test_a_worker_that_was_asked_to_stop_works_for_the_next_client(tmp_path):
