@@ -21,7 +21,7 @@ from multicor_cli.optional import library
 from multicor_cli.running.machine import available_cores, available_memory, python_child
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.errors import StoreError
-from multicor_cli.studies.forking import end_fork_servers, stop_cases
+from multicor_cli.studies.processes import end_fork_servers, stop_cases
 from multicor_cli.studies.study_file import Compute, Queue, parse_memory
 from multicor_cli.text import count_noun, format_bytes
 
