@@ -94,13 +94,6 @@ def written(run, **options):
 
 
 @pytest.fixture(scope="module")
-def evil(tmp_path_factory):
-    path = tmp_path_factory.mktemp("evil") / "run"
-    write_evil_run(path)
-    return path
-
-
-@pytest.fixture(scope="module")
 def page(evil):
     target = evil.parent / "page.html"
     summary = write_report(evil, target)
