@@ -4,7 +4,6 @@ import csv
 
 import numpy as np
 import pytest
-from cut_runs import CELL
 
 import multicor_cli as multicor
 from multicor_cli.export import ExportError, export_csv, export_fclib, export_gsd
@@ -12,12 +11,9 @@ from multicor_cli.post.lattice import relative_velocity
 from multicor_cli.report.pack import view_of
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("cell")
-    (folder / "cell.toml").write_text(CELL)
-    multicor.run(folder / "cell.toml", folder / "run", threads=1)
-    with multicor.open_run(folder / "run") as opened:
+@pytest.fixture
+def run(sheared):
+    with multicor.open_run(sheared) as opened:
         yield opened
 
 

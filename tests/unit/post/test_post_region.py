@@ -4,7 +4,6 @@ with whole domains."""
 import numpy as np
 import pytest
 from cut_runs import BOX
-from scenes import SMALL
 
 import multicor_cli as multicor
 from multicor_cli.model.shapes import Annulus, Polygon, Rectangle
@@ -20,9 +19,10 @@ ALL = Selection(start=0.0)
 
 @pytest.fixture(scope="module", params=["period", "walls"])
 def run(request, tmp_path_factory):
+    if request.param == "period":
+        return open_run(request.getfixturevalue("finished"))
     path = tmp_path_factory.mktemp("run") / "run"
-    multicor.run(parse_scenario(SMALL if request.param == "period" else BOX, "run.toml"), path)
-    return open_run(path)
+    return open_run(multicor.run(parse_scenario(BOX, "run.toml"), path).directory)
 
 
 def test_parts_of_discs_are_those_of_sampled_points():
