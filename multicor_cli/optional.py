@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 
@@ -58,8 +57,3 @@ def library(module: str) -> Any:
         )
         why = "which is not installed" if is_missing else f"which cannot be loaded ({error})"
         raise MissingLibrary(f"{wanted.use} need {wanted.name}, {why}: {wanted.remedy}") from error
-
-
-def is_installed(name: str) -> bool:
-    """Whether one of `LIBRARIES` is there, which is not loaded."""
-    return find_spec(name) is not None

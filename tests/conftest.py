@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from command_line import call
+from cut_runs import CELL
 from heat_run import write_heated_run
+from report_run import write_evil_run
 from scenes import write_small
 
 import multicor_cli as multicor
@@ -53,6 +55,22 @@ def finished(tmp_path_factory):
     assert done.stdout == ""
     assert "finished: step" in done.stderr
     return directory / "full"
+
+
+@pytest.fixture(scope="session")
+def sheared(tmp_path_factory):
+    """Directory of a run whose cell has been deformed."""
+    folder = tmp_path_factory.mktemp("sheared")
+    (folder / "cell.toml").write_text(CELL)
+    return multicor.run(folder / "cell.toml", folder / "run", threads=1).directory
+
+
+@pytest.fixture(scope="session")
+def evil(tmp_path_factory):
+    """Directory of a run with heat whose texts are those of an attacker (`report_run`)."""
+    path = tmp_path_factory.mktemp("evil") / "run"
+    write_evil_run(path)
+    return path
 
 
 @pytest.fixture

@@ -10,8 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.checks import books, floor, resolution
-from multicor_cli.checks.check import Check, Rule, Verdict, judge_all, worst_verdict
-from multicor_cli.checks.subjects import Prepared, Recorded
+from multicor_cli.checks.check import (
+    Check,
+    Prepared,
+    Recorded,
+    Rule,
+    Verdict,
+    judge_all,
+    worst_verdict,
+)
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import open_run, run_info
 from multicor_cli.store.errors import NothingStored

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from multicor_cli.checks.check import Measured, Rule
-from multicor_cli.checks.subjects import Recorded
+from multicor_cli.checks.check import Measured, Recorded, Rule
 from multicor_cli.model.cell import COMPONENTS
 from multicor_cli.model.model import Floats
 from multicor_cli.store.documents import StageEnd, record_of

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.checks.check import Measured, Rule
-from multicor_cli.checks.subjects import Prepared, Recorded
+from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline

@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.checks.check import Measured, Rule
-from multicor_cli.checks.subjects import Prepared, Recorded
+from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule
 from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import DofDrive

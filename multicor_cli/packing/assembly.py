@@ -14,7 +14,7 @@ from multicor_cli.model.cell import CELL
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
 from multicor_cli.model.state import nudge, nudge_seed
-from multicor_cli.packing import going_on
+from multicor_cli.packing import other_run
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains, inertias, masses
 from multicor_cli.packing.materials import (
@@ -23,7 +23,6 @@ from multicor_cli.packing.materials import (
     sizes_problems,
     touching_pairs,
 )
-from multicor_cli.packing.other_run import Source, read_source
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem, wrap
 from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario
@@ -65,12 +64,12 @@ def place(scenario: Scenario) -> Placed:
     source = None
     try:
         if scenario.start is not None:
-            source = read_source(scenario)
-            problems = going_on.misfits(scenario, source)
+            source = other_run.read_source(scenario)
+            problems = other_run.misfits(scenario, source)
             if problems:
                 raise scenario.refuse(*problems)
-            bodies = going_on.known_bodies(scenario, source)
-            walls = going_on.placed_walls(build_walls(scenario, bodies), source)
+            bodies = other_run.known_bodies(scenario, source)
+            walls = other_run.placed_walls(build_walls(scenario, bodies), source)
         else:
             walls = build_walls(scenario)
     except Refused as error:
@@ -78,7 +77,7 @@ def place(scenario: Scenario) -> Placed:
     if source is None:
         groups = _make_groups(scenario, walls)
     else:
-        groups = going_on.grains_of(scenario, source)
+        groups = other_run.grains_of(scenario, source)
     model = _model(scenario, walls, groups)
     if model.is_cell:
         model = _with_cell(scenario, model)
@@ -93,19 +92,19 @@ def place(scenario: Scenario) -> Placed:
     if source is not None:
         if model.is_cell:
             state.wall_position[:] = source.state.wall_position
-        going_on.carry_presence(source, model, state)
+        other_run.carry_presence(source, model, state)
     _refuse_overlaps(scenario, model, state, walls)
     if source is not None:
-        model, state = going_on.carried_over(scenario, source, model, state)
+        model, state = other_run.carried_over(scenario, source, model, state)
         _refuse_unknown_forces(scenario, source, state)
     elif (seed := nudge_seed()) is not None:
         # A run that goes on is not nudged: what moved it by an ulp did so when it began
         state.position = nudge(state.position, model.period, seed, model.height)
     model = replace(model, start_speed=start_speed(scenario, model, state))
-    return Placed(model, state, None if source is None else going_on.origin_of(source, model))
+    return Placed(model, state, None if source is None else other_run.origin_of(source, model))
 
 
-def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> None:
+def _refuse_unknown_forces(scenario: Scenario, source: other_run.Source, state: State) -> None:
     """Spots of a frozen stage need forces: a start has none, nor a frame without contacts."""
     heat = scenario.heat
     if (

@@ -1,4 +1,4 @@
-"""Grains, and initial temperatures, from files.
+"""Grains, and initial temperatures, from files and from frames of other runs.
 
 The file comes from elsewhere and is not trusted: sizes are checked before memory is taken, values
 are plain numbers (no pickled objects, no links to other files), and what is wrong is named with its
@@ -10,28 +10,89 @@ from __future__ import annotations
 import csv
 import difflib
 import functools
+import io
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.files import regular_path
+from multicor_cli.files import open_regular, regular_path
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.initial_grains import (
-    LINE_LIMIT,
-    NAMED,
-    InitialGrains,
-    describe_faults,
-    faulty_rows,
-    find_fault,
-    text_lines,
+from multicor_cli.packing.initial_grains import NAMED, InitialGrains
+from multicor_cli.scenario.base import (
+    COORDINATE_BOUNDS,
+    KELVIN_BOUNDS,
+    NUMBER_BOUNDS,
+    RADIUS_BOUNDS,
+    reading_input,
 )
-from multicor_cli.scenario.base import reading_input
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 from multicor_cli.scenario.problems import Refused
+from multicor_cli.store.errors import NoFrame, StoreError
+
+# ---- Values of grains that come from elsewhere: finite and within bounds, or named with their row
+
+_BOUNDS = {
+    "x": COORDINATE_BOUNDS,
+    "y": COORDINATE_BOUNDS,
+    "radius": RADIUS_BOUNDS,
+    "temperature": KELVIN_BOUNDS,
+}
+"""Bounds of columns, as of keys of a scenario; others are angles [rad], [m/s] and [rad/s]."""
+
+_UNITS = {"x": " m", "y": " m", "radius": " m", "temperature": " K"}
+
+
+def _find_fault(name: str, value: float) -> str:
+    """What is wrong with a value of ``x, y, radius, temperature`` or a motion; empty if nothing."""
+    if not math.isfinite(value):
+        return f"{name} = {value} is not finite"
+    low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
+    if low <= value <= high:
+        return ""
+    is_celsius = name == "temperature" and -273.15 < value <= 0.0
+    hint = f" (from degrees Celsius: {value + 273.15:g})" if is_celsius else ""
+    unit = _UNITS.get(name, "")
+    return f"{name} = {value:g}{unit} is not between {low:g} and {high:g}{unit}{hint}"
+
+
+def _describe_faults(columns: Mapping[str, Floats]) -> str:
+    """Name the first faulty rows, and how many more; empty if none. Columns have shape ``(n,)``."""
+    rows = _faulty_rows(columns)
+    if not rows.size:
+        return ""
+    named = []
+    for row in rows[:NAMED]:
+        faults = (_find_fault(name, float(values[row])) for name, values in columns.items())
+        named.append(f"row {row}: {next(filter(None, faults), '')}")
+    more = f"; and {rows.size - NAMED} more rows" if rows.size > NAMED else ""
+    return "; ".join(named) + more
+
+
+def _faulty_rows(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
+    """Rows with a value that `_find_fault` finds something wrong with."""
+    bad = np.zeros(columns["radius"].shape, np.bool_)
+    for name, values in columns.items():
+        low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
+        bad |= ~((values >= low) & (values <= high))
+    return np.flatnonzero(bad)
+
+
+# ---- Lines of text
+
+_LINE_LIMIT = 10_000
+"""So much of a line is read at a time [characters]: a file may be one line as long as itself."""
+
+
+def _text_lines(path: Path, most: int) -> Iterator[str]:
+    """Lines of a UTF-8 file of at most ``most`` bytes, in pieces of `_LINE_LIMIT` if longer."""
+    with io.TextIOWrapper(open_regular(path, most), encoding="utf-8-sig", newline="") as file:
+        yield from iter(lambda: file.readline(_LINE_LIMIT), "")
+
 
 # ---- Grains from a CSV or HDF5 file: x, y, radius and, if wanted, angle, vx, vy, spin
 # (or peculiar_vx, peculiar_vy: velocities beside the mean flow of a cell)
@@ -112,7 +173,7 @@ def _read_csv(path: Path) -> dict[str, Floats]:
             _check_count(path, len(table) if table.size else 0)
             if table.shape[1] == len(names):
                 columns = {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
-                if not faulty_rows(columns).size:
+                if not _faulty_rows(columns).size:
                     return columns
         faults = _csv_faults(path, names, header_line) or ["the rows cannot be read as numbers"]
     raise _refused(f"'{path}': {'; '.join(faults)}", "correct the file")
@@ -120,7 +181,7 @@ def _read_csv(path: Path) -> dict[str, Floats]:
 
 def _read_header(path: Path) -> tuple[list[str], int]:
     """Names of the columns, and number of their line: the first neither empty nor a comment."""
-    for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
+    for number, line in enumerate(_text_lines(path, MAX_BYTES), 1):
         if line.strip() and not line.startswith("#"):
             return [cell.strip() for cell in next(csv.reader([line]))], number
     names = ",".join(REQUIRED)
@@ -129,7 +190,7 @@ def _read_header(path: Path) -> tuple[list[str], int]:
 
 def _parse_rows(path: Path, header_line: int) -> Floats | None:
     """Rows below the header, `MAX_GRAINS` + 1 at most; None if they are not a table of numbers."""
-    lines, most = text_lines(path, MAX_BYTES), MAX_GRAINS + 1
+    lines, most = _text_lines(path, MAX_BYTES), MAX_GRAINS + 1
     try:
         with warnings.catch_warnings(action="ignore"):  # about empty lines and files
             return np.loadtxt(
@@ -142,12 +203,12 @@ def _parse_rows(path: Path, header_line: int) -> Floats | None:
 def _csv_faults(path: Path, names: list[str], header_line: int) -> list[str]:
     """The first faulty lines of a file, which is read again, slowly."""
     faults: list[str] = []
-    for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
+    for number, line in enumerate(_text_lines(path, MAX_BYTES), 1):
         text = line.split("#", 1)[0]
         if number <= header_line or not text.strip():
             continue
-        is_long = len(line) >= LINE_LIMIT
-        fault = f"has more than {LINE_LIMIT} characters" if is_long else _line_fault(text, names)
+        is_long = len(line) >= _LINE_LIMIT
+        fault = f"has more than {_LINE_LIMIT} characters" if is_long else _line_fault(text, names)
         if fault and len(faults) == NAMED:
             return [*faults, "and more"]
         if fault:
@@ -164,7 +225,7 @@ def _line_fault(text: str, names: list[str]) -> str:
             value = float(cell)
         except ValueError:
             return f"{name} = {cell.strip()[:40]!r} is not a number"
-        if fault := find_fault(name, value):
+        if fault := _find_fault(name, value):
             return fault
     return ""
 
@@ -197,7 +258,7 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
         what = f"cannot read '{path}' as HDF5: {error}"
         raise _refused(what, "check the file, it may be damaged") from None
-    faults = describe_faults(columns)
+    faults = _describe_faults(columns)
     if faults:
         raise _refused(f"'{path}': {faults}", "correct the file")
     return columns
@@ -225,6 +286,49 @@ def _dataset_size(file: Any, name: str, path: Path) -> int:
     return int(item.shape[0])
 
 
+# ---- A group of grains from a frame of another run
+
+
+def read_frame(path: Path, frame: int) -> InitialGrains:
+    """Grains of a frame: radii, wrapped centers, angles, motion and, where known, temperatures.
+
+    Walls and materials are not taken over. ``path`` is a run directory (or a ``results.h5``); a
+    negative index of a frame counts from the last one. `Refused` if there is no readable run, or no
+    such frame, or it holds what no grain can have.
+    """
+    from multicor_cli.store import open_run
+
+    try:
+        with open_run(path) as run:
+            chosen = run.frames[frame]
+            position = np.column_stack([chosen.position, chosen.angle]).astype(float)
+            velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
+            radius = np.array(chosen.model.grains.radius, float)
+            temperature = chosen.temperature
+    except NoFrame as error:
+        what = f"cannot take grains from the run '{path}': {error}"
+        raise Refused(("packing", "frame"), what, "choose another frame") from None
+    except StoreError as error:
+        what = f"the run '{path}' cannot be read: {error}"
+        raise Refused(_KEY, what, "give the directory of a run") from None
+    names = ("x", "y", "angle", "vx", "vy", "spin")
+    columns = dict(zip(names, [*position.T, *velocity.T], strict=True)) | {"radius": radius}
+    if temperature is not None:
+        columns["temperature"] = np.array(temperature, float)
+    if len({len(values) for values in columns.values()}) > 1:
+        what = (
+            f"the run '{path}' is damaged: the number of grains in frame {frame} differs from "
+            "that of the run"
+        )
+        raise Refused(_KEY, what, "check it with multicor verify")
+    faults = _describe_faults(columns)
+    if faults:
+        what = f"frame {frame} of the run '{path}': {faults}"
+        raise Refused(_KEY, what, "check the run with multicor verify")
+    temperatures = columns.get("temperature")
+    return InitialGrains(radius, position, velocity, temperatures, is_velocity_real=True)
+
+
 # ---- Initial temperatures from a text file: one number per line.
 #
 # Empty lines and what follows a `#` are left out.
@@ -244,7 +348,7 @@ def read_temperatures(path: Path) -> Floats:
             value = 0.0
             try:
                 value = float(text)
-                fault = find_fault("temperature", value)
+                fault = _find_fault("temperature", value)
             except ValueError:
                 fault = f"{text[:40]!r} is not a number"
             faults += [f"line {number}: {fault}"] if fault else []
@@ -263,8 +367,8 @@ def read_temperatures(path: Path) -> Floats:
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Number and text of lines that hold something; one too long for a number is cut, with "…"."""
     number, is_rest = 0, False
-    for line in text_lines(path, MAX_TEXT_BYTES):
-        is_cut = len(line) == LINE_LIMIT and not line.endswith("\n")
+    for line in _text_lines(path, MAX_TEXT_BYTES):
+        is_cut = len(line) == _LINE_LIMIT and not line.endswith("\n")
         if not is_rest:
             number += 1
             text = line.split("#", 1)[0].strip()

@@ -13,11 +13,10 @@ from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
-from multicor_cli.packing.deposited import deposit
-from multicor_cli.packing.file import read_grains
+from multicor_cli.packing.file import read_frame, read_grains
 from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, masses
 from multicor_cli.packing.lattice import lay_out, repeat_tile
-from multicor_cli.packing.other_run import read_frame
+from multicor_cli.packing.placing import deposit
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.sizes import (
     Purpose,

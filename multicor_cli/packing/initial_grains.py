@@ -1,88 +1,17 @@
-"""What packings give and need: grains, their masses, the region, and what goes wrong."""
+"""What packings give and need: grains, their masses, and the region."""
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from multicor_cli.files import open_regular
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
-from multicor_cli.scenario.base import (
-    COORDINATE_BOUNDS,
-    KELVIN_BOUNDS,
-    NUMBER_BOUNDS,
-    RADIUS_BOUNDS,
-)
-
-# ---- What goes wrong while bodies are made, before it is tied to a place in the scenario file
 
 NAMED = 5
 """So many faulty lines, rows or grains are named."""
-
-LINE_LIMIT = 10_000
-"""So much of a line is read at a time [characters]: a file may be one line as long as itself."""
-
-
-def text_lines(path: Path, most: int) -> Iterator[str]:
-    """Lines of a UTF-8 file of at most ``most`` bytes, in pieces of `LINE_LIMIT` if longer."""
-    with io.TextIOWrapper(open_regular(path, most), encoding="utf-8-sig", newline="") as file:
-        yield from iter(lambda: file.readline(LINE_LIMIT), "")
-
-
-# ---- Values of grains that come from elsewhere: finite and within bounds, or named with their row
-
-_BOUNDS = {
-    "x": COORDINATE_BOUNDS,
-    "y": COORDINATE_BOUNDS,
-    "radius": RADIUS_BOUNDS,
-    "temperature": KELVIN_BOUNDS,
-}
-"""Bounds of columns, as of keys of a scenario; others are angles [rad], [m/s] and [rad/s]."""
-
-_UNITS = {"x": " m", "y": " m", "radius": " m", "temperature": " K"}
-
-
-def find_fault(name: str, value: float) -> str:
-    """What is wrong with a value of ``x, y, radius, temperature`` or a motion; empty if nothing."""
-    if not math.isfinite(value):
-        return f"{name} = {value} is not finite"
-    low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
-    if low <= value <= high:
-        return ""
-    is_celsius = name == "temperature" and -273.15 < value <= 0.0
-    hint = f" (from degrees Celsius: {value + 273.15:g})" if is_celsius else ""
-    unit = _UNITS.get(name, "")
-    return f"{name} = {value:g}{unit} is not between {low:g} and {high:g}{unit}{hint}"
-
-
-def describe_faults(columns: Mapping[str, Floats]) -> str:
-    """Name the first faulty rows, and how many more; empty if none. Columns have shape ``(n,)``."""
-    rows = faulty_rows(columns)
-    if not rows.size:
-        return ""
-    named = []
-    for row in rows[:NAMED]:
-        faults = (find_fault(name, float(values[row])) for name, values in columns.items())
-        named.append(f"row {row}: {next(filter(None, faults), '')}")
-    more = f"; and {rows.size - NAMED} more rows" if rows.size > NAMED else ""
-    return "; ".join(named) + more
-
-
-def faulty_rows(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
-    """Rows with a value that `find_fault` finds something wrong with."""
-    bad = np.zeros(columns["radius"].shape, np.bool_)
-    for name, values in columns.items():
-        low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
-        bad |= ~((values >= low) & (values <= high))
-    return np.flatnonzero(bad)
-
 
 # ---- Masses and moments of inertia of grains
 

@@ -1,31 +1,44 @@
-"""Other runs: a moment to go on from, the last checkpoint or a frame, and grains of a frame."""
+"""Going on from another run: its last checkpoint or a frame, and what is taken over from there.
+
+That is what the next step depends on, to the bit: grains with contacts and heat, walls by names.
+Clocks, counters and books begin at zero.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.geometry.scene import scene_of
-from multicor_cli.model import Model, State
+from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.cell import mean_flow
-from multicor_cli.model.columns import NORMAL
+from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.contacts import are_impacts
 from multicor_cli.model.faults import find_misfit
-from multicor_cli.model.model import Floats
-from multicor_cli.packing.initial_grains import InitialGrains, describe_faults
+from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
+from multicor_cli.model.shapes import TAIL, Room, Tail
+from multicor_cli.packing.groups import with_motion
+from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import StoreError, layout, open_run
 from multicor_cli.store.atomic import is_regular
+from multicor_cli.store.documents import Origin
 from multicor_cli.store.errors import NoFrame
 from multicor_cli.store.frames import Frame
 
 _RUN, _FRAME = ("start", "run"), ("start", "frame")
+
+# ---- The moment
 
 
 @dataclass(frozen=True)
@@ -111,7 +124,8 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     """
     here = frame.number
     state = State.at_rest(model, np.zeros((model.grain_count, 3)))
-    state.position[here], state.velocity[here] = _motion(frame)
+    state.position[here] = np.column_stack([frame.position, frame.angle])
+    state.velocity[here] = np.column_stack([frame.velocity, frame.spin])
     state.image[here] = frame.image
     if frame.is_open:
         state.presence = np.array(frame.column("particles/presence"), np.uint8)
@@ -132,13 +146,6 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
         state.wall_temperature = np.array(of_walls, float)
         digest.update(temperature.tobytes())
     return model, state, digest.hexdigest()
-
-
-def _motion(frame: Frame) -> tuple[Floats, Floats]:
-    """Centers, angles [m, rad], velocities, spins [m/s, rad/s] in a frame, both ``(n, 3)``."""
-    position = np.column_stack([frame.position, frame.angle])
-    velocity = np.column_stack([frame.velocity, frame.spin])
-    return position.astype(float), velocity.astype(float)
 
 
 _APART = 1e-4
@@ -177,43 +184,230 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
         state.contact_couple = np.array(couple, float)[is_loaded]
 
 
-# ---- A group of grains from a frame of another run
-
-_KEY = ("packing", "path")
+# ---- What is taken over
 
 
-def read_frame(path: Path, frame: int) -> InitialGrains:
-    """Grains of a frame: radii, wrapped centers, angles, motion and, where known, temperatures.
+def misfits(scenario: Scenario, source: Source) -> list[Refused]:
+    """What of a scenario does not fit to the run that it goes on from."""
+    what, before = f"the run '{source.path}'", source.model
+    verify = "check {} with multicor verify".format
+    if not scenario.particles:
+        return [Refused(_RUN, f"the scenario of {what} cannot be read", verify("the run"))]
+    found, domain = [], scenario.domain
+    groups = tuple(group.name for group in scenario.particles)
+    if groups != before.groups:
+        text = f"{what} has the groups {', '.join(before.groups)}, the scenario {', '.join(groups)}"
+        remedy = "remove [[particles]], or name the groups of the run in their order"
+        found.append(Refused(("particles",), text, remedy))
+    shape = scenario.particles[0].shape
+    if SHAPE_FACTOR[shape] != before.shape_factor:
+        remedy = "remove [[particles]], or use the shape that they have in the run"
+        text = f"{what} has other grains than {shape}s"
+        found.append(Refused(("particles", 0, "shape"), text, remedy))
+    if (np.diff(before.grains.group) < 0).any():
+        text = f"{what} has grains that are not in the order of its groups"
+        found.append(Refused(_RUN, text, verify("it")))
+    if domain.is_cell != before.is_cell:
+        text = f"{what} is {'a' if before.is_cell else 'no'} cell, periodic in x and y"
+        found.append(Refused(("domain", "periodic"), text, "use the size and periodic of that run"))
+    elif domain.is_cell:
+        if source.size not in (None, domain.size):
+            size, there = (f"{w:g} × {h:g} m" for w, h in (domain.size, source.size or (0.0, 0.0)))
+            text = f"the cell is {size} at first, that of {what} {there}"
+            remedy = "use the size of that run: the cell goes on as large as it is there by now"
+            found.append(Refused(("domain", "size"), text, remedy))
+        return found
+    elif domain.period != before.period:
+        text = f"the period is {domain.period:g} m, that of {what} {before.period:g} m (0: none)"
+        found.append(Refused(("domain", "size"), text, "use the size and periodic of that run"))
+    # Grains beyond a domain other than the run's; what has left its own may stay outside
+    if source.size is not None and source.size != domain.size:
+        center = source.state.position[source.state.here, :2]
+        is_outside = (center < 0.0) | (center > np.array(domain.size))
+        if before.period > 0.0:
+            is_outside = is_outside[:, Y:]
+        count = int(np.count_nonzero(is_outside.any(axis=1)))
+        room, there = (f"{width:g} × {height:g} m" for width, height in (domain.size, source.size))
+        text = f"{count} grains of {what} lie outside {room} (there: {there})"
+        remedy = "enlarge the domain, or use that of the run"
+        found += [Refused(("domain", "size"), text, remedy)] if count else []
+    return found
 
-    Walls and materials are not taken over. ``path`` is a run directory (or a ``results.h5``); a
-    negative index of a frame counts from the last one. `Refused` if there is no readable run, or no
-    such frame, or it holds what no grain can have.
+
+def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
+    """The grains of each group where the run has them, moving as there and as the scenario adds."""
+    state, grains, temperature = source.state, source.model.grains, source.temperature
+    groups = []
+    for k, group in enumerate(scenario.particles):
+        mine = np.flatnonzero(grains.group == k)
+        warmth = None if temperature is None else temperature[mine]
+        place, motion = state.position[mine], state.velocity[mine]
+        expands = bool(scenario.materials[group.material].expansion)
+        radius = grains.radius if expands or not state.radius.size else state.radius
+        found = InitialGrains(radius[mine], place, motion, warmth)
+        has_more = any((*group.velocity, group.spin, group.shear_rate))
+        # Else -0 would become 0
+        groups.append(with_motion(scenario, group, found) if has_more else found)
+    return groups
+
+
+def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
+    """Walls whose geometry is that in the run: rough ones keep their grains, at any seed."""
+    known = {}
+    for table in tomllib.loads(scenario.resolved_toml()).get("walls", []):
+        name, walls = table["name"], source.model.walls
+        if name in walls.names and table["geometry"] == source.geometries.get(name):
+            wall = walls.names.index(name)
+            origin, length = source.state.wall_position[wall, :2], float(walls.length[wall])
+            known[name] = WallBody(origin, *_shapes_of(source.model, wall), length)
+    return known
+
+
+def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
+    """Kinds and geometry of a wall's shapes, which refer to each other from its first one on."""
+    mine = np.flatnonzero(model.shapes.wall == wall)
+    kind, geometry = model.shapes.kind[mine], model.shapes.geometry[mine].copy()
+    refers = (TAIL[kind] == Tail.SHAPES)[:, None] & (geometry[:, 2:] >= 0.0)
+    geometry[:, 2:] -= np.where(refers, mine[0] if mine.size else 0, 0)
+    return kind, geometry
+
+
+def placed_walls(walls: BuiltWalls, source: Source) -> BuiltWalls:
+    """Walls that are in the run, put where they are there: no grain is then behind or in these."""
+    position, fronts, rooms = walls.position.copy(), list(walls.fronts), list(walls.rooms)
+    for new, old in _same_walls(walls.walls.names, source).items():
+        position[new] = source.state.wall_position[old]
+        fronts[new], rooms[new] = None, Room()
+    return walls._replace(position=position, fronts=fronts, rooms=rooms)
+
+
+def _same_walls(names: tuple[str, ...], source: Source) -> dict[int, int]:
+    """Index of each wall that is in the run, and its index there."""
+    before = source.model.walls.names
+    return {new: before.index(name) for new, name in enumerate(names) if name in before}
+
+
+def carry_presence(source: Source, model: Model, state: State) -> None:
+    """Who is there, waits or has gone, where grains come and go; counts begin at zero."""
+    from multicor_cli.engine.inflow.population import note_presence
+
+    if state.presence.size:
+        there = np.full(state.presence.size, Presence.THERE, np.uint8)
+        state.presence = source.state.presence.copy() if source.state.presence.size else there
+        note_presence(state, model, 0)
+
+
+def carried_over(
+    scenario: Scenario, source: Source, model: Model, state: State
+) -> tuple[Model, State]:
+    """A model and state with all that the next step of the run would have depended on.
+
+    Both begin as those of the new run, bodies and walls in their places; ``state`` is **modified**.
     """
-    try:
-        with open_run(path) as run:
-            chosen = run.frames[frame]
-            position, velocity = _motion(chosen)
-            radius = np.array(chosen.model.grains.radius, float)
-            temperature = chosen.temperature
-    except NoFrame as error:
-        what = f"cannot take grains from the run '{path}': {error}"
-        raise Refused(("packing", "frame"), what, "choose another frame") from None
-    except StoreError as error:
-        what = f"the run '{path}' cannot be read: {error}"
-        raise Refused(_KEY, what, "give the directory of a run") from None
-    names = ("x", "y", "angle", "vx", "vy", "spin")
-    columns = dict(zip(names, [*position.T, *velocity.T], strict=True)) | {"radius": radius}
-    if temperature is not None:
-        columns["temperature"] = np.array(temperature, float)
-    if len({len(values) for values in columns.values()}) > 1:
-        what = (
-            f"the run '{path}' is damaged: the number of grains in frame {frame} differs from "
-            "that of the run"
-        )
-        raise Refused(_KEY, what, "check it with multicor verify")
-    faults = describe_faults(columns)
-    if faults:
-        what = f"frame {frame} of the run '{path}': {faults}"
-        raise Refused(_KEY, what, "check the run with multicor verify")
-    temperatures = columns.get("temperature")
-    return InitialGrains(radius, position, velocity, temperatures, is_velocity_real=True)
+    old, same = source.state, _same_walls(model.walls.names, source)
+    state.position, state.image, state.last_dt = old.position.copy(), old.image.copy(), old.last_dt
+    for new, before in same.items():
+        state.wall_velocity[new] = old.wall_velocity[before]
+    if old.wall_surface.size:
+        state.wall_surface = np.zeros(model.wall_count)
+        state.wall_surface[list(same)] = old.wall_surface[list(same.values())]
+    if state.radius.size and old.radius.size:
+        state.radius = old.radius.copy()
+    _carry_contacts(source, model, state, same)
+    if model.thermal is not None and source.model.thermal is not None:
+        thermal = _carry_heat(scenario, source, model.thermal, state)
+        # Running averages of contact forces; used only where the new run averages too
+        kept, state.mean_i, state.mean_j = _renumbered(source, model, old.mean_i, old.mean_j, same)
+        state.mean_force, state.mean_age = old.mean_force[kept], old.mean_age
+        for new, before in same.items():
+            state.wall_temperature[new] = old.wall_temperature[before]
+        model = replace(model, thermal=thermal)
+    return model, state
+
+
+def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
+    """Contacts of the last step, their impulses and couples, and bridges.
+
+    q_n = p_n + F Δt with the new F (theory §3.1).
+    """
+    from multicor_cli.engine.contact.adhesion import resting_attraction
+
+    old, before = source.state, source.model
+    i, j = old.contact_i, old.contact_j
+    kept, state.contact_i, state.contact_j = _renumbered(source, model, i, j, same)
+    impulse = old.contact_impulse[kept]
+
+    def attraction(m: Model, s: State, i: Ints, j: Ints) -> Floats:
+        laws, scene = m.laws.with_ranges(m.mean_diameter), scene_of(m, s.position, s.wall_position)
+        return resting_attraction(laws, scene, i, j, old.last_dt)
+
+    was = attraction(before, old, i[kept], j[kept])
+    now = attraction(model, state, state.contact_i, state.contact_j)
+    change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
+    impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
+    state.contact_impulse = impulse
+    _, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
+    if model.laws.is_wet.any():
+        i, j = old.bridge_i, old.bridge_j
+        _, state.bridge_i, state.bridge_j = _renumbered(source, model, i, j, same)
+    state.tile = old.tile.copy()
+    if model.laws.rolling.size:
+        couple, none = old.contact_couple, np.zeros(len(kept))
+        state.contact_couple = couple[kept] if couple.size else none
+
+
+def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
+    """Heat contents with the temperatures from which they count: T = T₀ + Q/C has the same bits.
+
+    Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature
+    with Q = 0.
+    """
+    before = source.model.thermal
+    assert before is not None  # only then there is something to carry
+    is_told = np.array([group.temperature is not None for group in scenario.particles])
+    goes_on = ~is_told[source.model.grains.group] & (thermal.capacity == before.capacity)
+    state.heat = np.where(goes_on, source.state.heat, 0.0)
+    state.heat_ahead = np.where(goes_on, source.state.heat_ahead, 0.0)
+    state.heat_dt = source.state.heat_dt
+    if state.heat.any():
+        state.heat_before = np.array([total(state.heat[state.here])])
+    start = np.where(goes_on, before.initial_temperature, thermal.initial_temperature)
+    return replace(thermal, initial_temperature=start)
+
+
+def _renumbered(
+    source: Source, model: Model, i: Ints, j: Ints, same: Mapping[int, int]
+) -> tuple[Ints, Ints, Ints]:
+    """Contacts by shapes of a new model, without walls that are gone or have other shapes.
+
+    Returns which of them, ascending by both shapes as contacts are, and these shapes.
+    """
+    n = model.grain_count
+    number = np.concatenate([np.arange(n), np.full(source.model.shape_count, -1)])
+    for new, old in same.items():
+        (kind, geometry), before = _shapes_of(model, new), _shapes_of(source.model, old)
+        if np.array_equal(kind, before[0]) and np.array_equal(geometry, before[1]):
+            mine = np.flatnonzero(model.shapes.wall == new)
+            number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + mine
+    second = number[j].astype(np.int32)
+    is_kept, of_walls = second >= 0, np.flatnonzero(second >= n)
+    is_kept[of_walls] &= model.is_met(i[of_walls], second[of_walls] - n)
+    kept = np.flatnonzero(is_kept)
+    kept = kept[np.lexsort((second[kept], i[kept]))]
+    return kept.astype(np.int32), i[kept], second[kept]
+
+
+def origin_of(source: Source, model: Model) -> Origin:
+    """What the run keeps of where it goes on from."""
+    names, before = model.walls.names, source.model.walls.names
+    return Origin(
+        run=os.path.realpath(source.path).encode(errors="backslashreplace").decode(),
+        run_id=source.run_id,
+        frame=source.frame,
+        step=source.state.step,
+        time=source.state.time,
+        digest=source.digest,
+        walls=tuple(name for name in names if name in before),
+        new_walls=tuple(name for name in names if name not in before),
+        lost_walls=tuple(name for name in before if name not in names),
+    )

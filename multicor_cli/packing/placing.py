@@ -1,6 +1,6 @@
-"""Kernels that place grains one by one among discs: at random free places, or dropped and rolled.
+"""Grains placed one by one among discs: at random free places, or dropped and rolled (deposits).
 
-Everything that these kernels call lies in this file or in packages that the name of the cache
+Everything that the kernels call lies in this file or in packages that the name of the cache
 covers, so that no compiled copy of it can be stale.
 """
 
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
+from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.geometry.neighbors import Grids, classify, make_grids
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
@@ -20,13 +21,11 @@ from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.overlap import wrap
+from multicor_cli.packing.sizes import Stream
 from multicor_cli.packing.walls import Obstacles
+from multicor_cli.scenario.problems import Refused
 
 _DISC = int(ShapeKind.DISC)
-_FALLS = -1
-_FLOOR = -2
-_SIDE = -3
-_MOST_ROLLS = 100_000
 
 
 class PlacedDiscs(NamedTuple):
@@ -93,6 +92,47 @@ def _file(field: PlacedDiscs, d: int) -> None:
 def _file_first(field: PlacedDiscs, count: int) -> None:
     for d in range(count):
         _file(field, d)
+
+
+def make_field(
+    radius: Floats, region: PackingRegion, obstacles: Obstacles, ceiling: float = math.inf
+) -> tuple[PlacedDiscs, int]:
+    """A field for grains of these radii that holds the obstacles so far, and their number of discs.
+
+    Discs with their centers at ``ceiling`` [m] or above it are left out.
+    """
+    period = region.period
+    left = 0.0 if region.is_periodic else region.left
+    reach = 2.0 * float(radius.max())
+    across = 0.0 if region.is_periodic else reach
+    low = np.array([left - across, region.bottom - reach])
+    high = np.array([left + region.width + across, region.top + reach])
+    discs = obstacles.discs()
+    if period > 0.0:
+        discs = np.column_stack([wrap(discs[:, X], period), discs[:, 1:]])
+    # Discs far from the region can hit nothing; clamped into the border cells they would only
+    # lengthen the lists.
+    reaches = (discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high)
+    discs = discs[reaches.all(axis=1) & (discs[:, Y] < ceiling)]
+    disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
+    grids = make_grids(classify(disc[:, RADIUS]), low, high, period, 0.0)
+    columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)
+    field = PlacedDiscs(
+        disc=disc,
+        head=np.full(int(grids.start[-1]), -1, np.int32),
+        next=np.full(len(disc), -1, np.int32),
+        highest=np.full(int(columns[-1]), -1, np.int32),
+        first_column=columns[:-1],
+        grids=grids,
+        kind=obstacles.kind,
+        world=obstacles.world,
+        period=period,
+    )
+    _file_first(field, len(discs))
+    return field, len(discs)
+
+
+# ---- At random free places
 
 
 @kernel
@@ -162,6 +202,34 @@ def insert_at_random(
             i += 1
             tried = 0
     return i, tried
+
+
+# ---- Deposits: grains fall one by one and roll until two others, a side or the floor hold them
+#
+# The classical drop-and-roll construction of Visscher & Bolsterli (Nature 239, 504, 1972): every
+# grain falls from above at a random place, rolls around the first disc it meets, over the next if
+# that lies under its rear, falls on where it passes the widest point of a disc, and stops between
+# two supports. Forces play no role: grains touch to rounding and the fill comes out at about 0.8,
+# but not every heap made so is stable under every friction. It always builds along −y on the bottom
+# of the region, between its sides unless it is periodic. Grains of earlier groups, glued grains and
+# solid discs are piled upon; other walls are not seen, so the region has to keep clear of them.
+#
+# Grains begin to fall at the top of the region, or below a row of glued grains in it that faces
+# down. Discs that lie there or higher are not piled upon, and the grains that come to rest have to
+# keep clear of them, as of a smooth lid.
+#
+# Solid polygons and regions that are no rectangles are not seen either. Where a grain comes to rest
+# in solid matter or beyond the boundary, a dummy of its size stays as a support for the others, and
+# the grain is dropped again; dummies are then taken away.
+
+_FALLS = -1
+_FLOOR = -2
+_SIDE = -3
+_MOST_ROLLS = 100_000
+_ATTEMPTS = 200
+_SPARE = 2.0  # room for dummies, over the number of mean grains that cover the region
+_SLACK = 1e-9
+_BATCH = 4096
 
 
 @kernel
@@ -297,7 +365,7 @@ def _settle(x: float, radius: float, sides: Floats, field: PlacedDiscs) -> tuple
 
 
 @kernel
-def drop_and_roll(
+def _drop_and_roll(
     field: PlacedDiscs,
     fixed: int,
     first: int,
@@ -333,39 +401,60 @@ def drop_and_roll(
     return i, tried
 
 
-def make_field(
-    radius: Floats, region: PackingRegion, obstacles: Obstacles, ceiling: float = math.inf
-) -> tuple[PlacedDiscs, int]:
-    """A field for grains of these radii that holds the obstacles so far, and their number of discs.
+def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream) -> Floats:
+    """Centers of grains deposited in the order given [m], shape ``(n, 2)``.
 
-    Discs with their centers at ``ceiling`` [m] or above it are left out.
+    ``region``'s bottom is the floor; ``rng`` gives the places from which grains fall. Where not all
+    fit, `Refused` says how many do.
     """
-    period = region.period
+    if not region.is_periodic and 2.0 * radius.max() > region.width:
+        text = f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, "
+        raise Refused((), f"{text}{region.width:g} m", "widen the region")
     left = 0.0 if region.is_periodic else region.left
-    reach = 2.0 * float(radius.max())
-    across = 0.0 if region.is_periodic else reach
-    low = np.array([left - across, region.bottom - reach])
-    high = np.array([left + region.width + across, region.top + reach])
-    discs = obstacles.discs()
-    if period > 0.0:
-        discs = np.column_stack([wrap(discs[:, X], period), discs[:, 1:]])
-    # Discs far from the region can hit nothing; clamped into the border cells they would only
-    # lengthen the lists.
-    reaches = (discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high)
-    discs = discs[reaches.all(axis=1) & (discs[:, Y] < ceiling)]
-    disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
-    grids = make_grids(classify(disc[:, RADIUS]), low, high, period, 0.0)
-    columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)
-    field = PlacedDiscs(
-        disc=disc,
-        head=np.full(int(grids.start[-1]), -1, np.int32),
-        next=np.full(len(disc), -1, np.int32),
-        highest=np.full(int(columns[-1]), -1, np.int32),
-        first_column=columns[:-1],
-        grids=grids,
-        kind=obstacles.kind,
-        world=obstacles.world,
-        period=period,
-    )
-    _file_first(field, len(discs))
-    return field, len(discs)
+    top = min([region.top, *(height for height in obstacles.lids if height > region.bottom)])
+    sides = np.array([left, region.bottom, left + region.width, top])
+    if not obstacles.room.is_open:
+        return _deposit_in_room(radius, region, obstacles, rng, sides)
+    field, fixed = make_field(radius, region, obstacles, top)
+    done, tried = 0, 0
+    while done < radius.size:
+        uniform = rng.random(max(_BATCH, radius.size - done))
+        done, tried = _drop_and_roll(field, fixed, done, tried, _ATTEMPTS, uniform, sides)
+        if tried >= _ATTEMPTS:
+            area = region.width * (top - region.bottom)
+            filled = np.pi * total(radius[:done] * radius[:done]) / area
+            raise _refusal(radius, done, f" (area fraction {filled:.3f})", region, top)
+    return field.disc[fixed:, :2].copy()
+
+
+def _deposit_in_room(
+    radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream, sides: Floats
+) -> Floats:
+    """As `deposit`, with dummies where grains must not be."""
+    # Dummies cover less than the region; large grains, which fit in fewer places, are more often
+    # among them than small ones.
+    top = float(sides[-1])
+    spare = math.ceil(_SPARE * region.area / (math.pi * mean(radius * radius)))
+    sizes = radius[np.arange(radius.size + spare) % radius.size]
+    field, fixed = make_field(sizes, region, obstacles, top)
+    level = field.grids.level[fixed : fixed + radius.size].copy()
+    kept: list[int] = []
+    for d in range(fixed, len(field.disc)):
+        i = len(kept)
+        field.disc[d, RADIUS], field.grids.level[d] = radius[i], level[i]
+        so_far, places = field._replace(disc=field.disc[: d + 1]), rng.random(_ATTEMPTS)
+        done, _ = _drop_and_roll(so_far, fixed, d - fixed, 0, _ATTEMPTS, places, sides)
+        if done == d - fixed:
+            break
+        if obstacles.room.clearance(field.disc[d : d + 1, :2])[0] >= radius[i] * (1.0 - _SLACK):
+            kept.append(d)
+        if len(kept) == radius.size:
+            return field.disc[kept, :2].copy()
+    raise _refusal(radius, len(kept), "", region, top)
+
+
+def _refusal(radius: Floats, done: int, more: str, region: PackingRegion, top: float) -> Refused:
+    under = f" up to the rough wall above them at y = {top:g} m" if top < region.top else ""
+    text = f"{radius.size} grains do not fit: the region is full{under} with {done} of them{more}"
+    larger = "raise the wall, or" if under else "enlarge the region or"
+    return Refused((), text, f"{larger} ask for fewer grains")

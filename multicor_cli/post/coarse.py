@@ -14,16 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.optional import is_installed
 from multicor_cli.post import kernel
 from multicor_cli.post.lattice import Lattice
-from multicor_cli.post.stencils import Mesh, Stencils
 
 _AT_ONCE = 8192  # pairs of a point and a source that stay in the cache
 _POINTS = 2048  # whose sources are looked for together
 _SQUARES = 6  # in which sources are sorted, per reach
 _MOST_SQUARES = 1000  # along x and along y, however short the kernel is
-_MANY = 4  # frames for which it pays to load SciPy
 _NONE = slice(0)
 
 
@@ -113,30 +110,10 @@ class _Squares:
 class CoarseGrid:
     """Points at which densities are wanted, and how far the kernel reaches."""
 
-    def __init__(
-        self,
-        points: Floats,
-        reach: float,
-        lattice: Lattice | None = None,
-        mesh: Mesh | None = None,
-        frames: int = 1,
-    ) -> None:
-        """Many frames are faster where the points are those of a mesh: with `Stencils`.
-
-        Args:
-            points: Where they are [m], shape ``(m, 2)``.
-            reach: The distance c to which the kernel reaches, at most the span of the lattice [m].
-            lattice: Where images are.
-            mesh: The rows and columns that the points are, if they are in some.
-            frames: How many sets of grains and branches will come.
-        """
+    def __init__(self, points: Floats, reach: float, lattice: Lattice | None = None) -> None:
+        """The ``reach`` c is at most the span of the lattice [m]."""
         self.reach, self.lattice = reach, lattice or Lattice()
         self.points = self.lattice.wrapped(points)
-        self._stencils: Stencils | None = None
-        if mesh is not None and frames >= _MANY and Stencils.suits(mesh, reach):
-            is_inside = np.allclose(self.points, points, rtol=0.0, atol=1e-9 * reach)
-            if is_inside and is_installed("scipy"):
-                self._stencils = Stencils(mesh, reach, frames)
 
     def of_grains(
         self, position: Floats, values: Floats, sloped: slice = _NONE
@@ -149,8 +126,6 @@ class CoarseGrid:
             sloped: Which s of the q gradients are wanted [per m³]; densities are per m².
         """
         at, which = self._images(position, self.reach)
-        if self._stencils is not None:
-            return self._stencils.of_grains(at, values[which], sloped)
         squares = _Squares(self.points, at, self.reach)
         carried = values[which[squares.order]].T.copy()
         density = np.zeros((len(carried), len(self.points)))
@@ -170,8 +145,6 @@ class CoarseGrid:
         half = 0.5 * branch
         reach = self.reach + float(np.hypot(*half.T).max(initial=0.0))
         at, which = self._images(start + half, reach)
-        if self._stencils is not None and self._stencils.is_worth(half):
-            return self._stencils.along(at, half[which], values[which])
         squares = _Squares(self.points, at, reach)
         which = which[squares.order]
         total, carried = np.zeros((values.shape[1], len(self.points))), values[which].T.copy()

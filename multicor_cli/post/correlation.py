@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import make_bins
 from multicor_cli.post.flow import RelativeFrame, fit_flow, mean_flow
-from multicor_cli.post.lattice import lattice_of, relative_velocity
-from multicor_cli.post.pairs import near_pairs
+from multicor_cli.post.lattice import relative_velocity
+from multicor_cli.post.pairs import pair_sums
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -21,9 +21,8 @@ from multicor_cli.post.source import (
     frames_of,
     frames_told,
     model_of,
-    need_grains,
 )
-from multicor_cli.post.structure import Region, distance_bins, margin_of, region_of
+from multicor_cli.post.structure import Region, pair_bins, region_of
 from multicor_cli.post.sums import Spread, note_on_bins, of_sums
 from multicor_cli.post.table import Column, Table
 
@@ -91,21 +90,14 @@ def correlation(
             mean flow.
         StoreError: If the run cannot be read.
     """
-    diameter, edge = source.model.mean_diameter, margin_of(source.model, margin)
-    chosen = (selection or Selection()).indices(source.frames)
-    need_grains(source, chosen)
-
-    def region(frame: Frame) -> Region:
-        points = np.asarray(frame.position, np.float64)[:, :2]
-        return region_of(lattice_of(source.model, frame).reduced, points, edge * diameter)
-
-    limit = min(region(frame).limit for frame in frames_of(source, chosen)) / diameter
-    count, width = distance_bins(limit, reach, bins, _WIDTH)
+    diameter = source.model.mean_diameter
+    chosen, edge, count, width = pair_bins(source, selection, reach, bins, margin, _WIDTH)
     fluctuations, fastest = _fluctuations(source, chosen), 0.0
     found = []
     for frame in frames_of(source, chosen):
         fastest = max(fastest, float(np.abs(np.asarray(frame.velocity)[:, :2]).max()))
-        found.append(_sums(region(frame), fluctuations(frame), width * diameter, count))
+        here = region_of(source.model, frame, edge)
+        found.append(_sums(here, fluctuations(frame), width * diameter, count))
     rows = np.array(found)
     known = np.flatnonzero(rows[:, 4:].sum(axis=0)[:count])
     n, x, y = rows[:, :3].sum(axis=0).tolist()
@@ -160,18 +152,8 @@ def _sums(region: Region, moving: Floats, width: float, count: int) -> Floats:
     around ``width`` [m], twice as much, … pairs and their products of each.
     """
     own = moving[region.which].T.copy()
-    bins = count + 2  # nearer and farther ones too
-    totals = np.zeros((4, bins))
-    for near in near_pairs(region.points, region.lattice, (count + 0.5) * width):
-        bin_ = np.minimum(near.bins(width), count + 1)
-        totals[0] += np.bincount(bin_, minlength=bins)
-        # Partners are added up grain by grain, which come one after the other
-        first, last = near.i[:1].sum(), near.i[-1:].sum() + 1
-        bin_ += (near.i - first) * bins
-        for total, values in zip(totals[1:], own, strict=True):
-            others = np.bincount(bin_, values[near.j], minlength=(last - first) * bins)
-            total += values[first:last] @ others.reshape(-1, bins)
-    return np.concatenate([[own.shape[1]], (own**2).sum(axis=1), totals[:, 1:-1].ravel()])
+    sums = pair_sums(region.points, region.lattice, width, count, own)
+    return np.concatenate([[own.shape[1]], (own**2).sum(axis=1), sums.ravel()])
 
 
 def _derive(sums: Floats, count: int, known: NDArray[np.int64], distance: Floats) -> Floats:

@@ -17,7 +17,6 @@ from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import contacts_at, heat_flows
 from multicor_cli.post.lattice import gradient_of, relative_velocity
 from multicor_cli.post.source import Frame, PostError, Run, model_of
-from multicor_cli.post.stencils import Mesh
 from multicor_cli.post.table import Quantity
 
 # ---- Where coarse-grained fields are wanted: a grid, a polar grid, a line, or rings about a center
@@ -63,14 +62,6 @@ class FieldPoints:
     def axis(self) -> Floats | None:
         """The first of the local axes in x and y, shape ``(2, m)``; None if it is x everywhere."""
         return np.array([np.cos(self.turn), np.sin(self.turn)]) if self.turn.any() else None
-
-    @property
-    def mesh(self) -> Mesh | None:
-        """The rows and columns of a grid along x and y; other points are in none."""
-        if not self.is_grid or self.axes != "xy":
-            return None
-        step = [(edges[-1] - edges[0]) / (edges.size - 1) for edges in self.edges]
-        return Mesh(self.at[0], np.array(step), self.slant, self.shape)
 
 
 def grid(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -100,8 +99,8 @@ def fields(
         raise PostError("rings need a center; a line has none")
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
-    uses = Counter(lattice_of(source.model, frame) for frame in frames_of(source, chosen))
-    _refuse_sizes(spacing, reach, diameter, min(lattice.span for lattice in uses))
+    span = min(lattice_of(source.model, frame).span for frame in frames_of(source, chosen))
+    _refuse_sizes(spacing, reach, diameter, span)
     with_stress = [k for k in chosen.tolist() if has_forces(source.frames[k])]
     has_stress = bool(with_stress)
     chosen = np.array(with_stress, np.int64) if has_stress else chosen
@@ -117,8 +116,7 @@ def fields(
     for frame in frames_of(source, chosen):
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
-            at, far = points.at, reach * diameter
-            coarse = CoarseGrid(at, far, lattice, points.mesh, uses[lattice])
+            coarse = CoarseGrid(points.at, reach * diameter, lattice)
         sums = field_sums.frame_sums(source, frame, points, coarse, there)
         blocks.add(sums)
 

@@ -12,6 +12,9 @@ from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.source import Frame
 
+Complexes = NDArray[np.complex128]
+"""Points of the plane, or ways in it, as x + iy."""
+
 
 class Lattice(NamedTuple):
     """Images lie (width, 0) and (tilt, height) from each other [m]; 0: there are none that way."""
@@ -100,6 +103,11 @@ def _reaching(at: Floats, reach: Floats, period: float) -> dict[int, NDArray[np.
         found[-step] = at + reach > step * period
         found[step] = at - reach < (1 - step) * period
     return found
+
+
+def in_plane(points: Floats) -> Complexes:
+    """Points of the shape ``(n, 2)`` as x + iy, shape ``(n,)``."""
+    return np.ascontiguousarray(points).view(np.complex128)[:, 0]
 
 
 def lattice_of(model: Model, frame: Frame) -> Lattice:

@@ -45,10 +45,11 @@ def d2min(model: Model, before: Frame, after: Frame) -> Floats:
     r_r, r_moved, squares = np.zeros(places), np.zeros((n, 2, 2)), np.zeros(n)
     number = np.zeros(n)
     reach = NEIGHBORHOOD * model.mean_diameter
-    for near in near_pairs(points, lattice, reach):
-        r = np.column_stack([near.across, near.upwards])
-        kept = (r**2).sum(axis=1) <= reach**2
-        i, j, r = near.i[kept], near.j[kept], r[kept]
+    which, pairs = near_pairs(points, lattice, reach)
+    for near in pairs:
+        kept = np.abs(near.way) <= reach
+        i, j = np.broadcast_to(near.i, kept.shape)[kept], which[near.image[kept]]
+        r = near.way[kept].view(np.float64).reshape(-1, 2)
         away = moved(i, j)
         for grain in (i, j):  # with both signs turned, all sums are the same
 

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model
-from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.lattice import Lattice, lattice_of
-from multicor_cli.post.pairs import near_pairs
+from multicor_cli.post.pairs import pair_sums
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -93,23 +92,15 @@ def pair_correlation(
             negative, leaves nothing, or is given for a cell.
         StoreError: If the run cannot be read.
     """
-    diameter, edge = source.model.mean_diameter, margin_of(source.model, margin)
-    chosen = (selection or Selection()).indices(source.frames)
-    need_grains(source, chosen)
-
-    def region(frame: Frame) -> Region:
-        points = np.asarray(frame.position, np.float64)[:, :2]
-        return region_of(lattice_of(source.model, frame).reduced, points, edge * diameter)
-
-    limit = min(region(frame).limit for frame in frames_of(source, chosen)) / diameter
-    count, width = distance_bins(limit, reach, bins, _WIDTH)
+    diameter = source.model.mean_diameter
+    chosen, edge, count, width = pair_bins(source, selection, reach, bins, margin, _WIDTH)
     distance, step = width * np.arange(1.0, count + 1.0), width * diameter
     found: list[Floats] = []
     ideal: list[Floats] = []
     sizes: list[tuple[int, float, float]] = []
     for frame in frames_of(source, chosen):
-        here = region(frame)
-        found.append(_count_pairs(here, step, count))
+        here = region_of(source.model, frame, edge)
+        found.append(pair_sums(here.points, here.lattice, step, count)[0])
         ideal.append(here.expected_pairs((np.arange(count + 1.0) + 0.5) * step))
         sizes.append((len(here.points), *here.sides))
     weight = np.array(ideal)
@@ -178,18 +169,37 @@ def margin_of(model: Model, margin: float | None) -> float:
     return 0.0 if model.is_cell else MARGIN if margin is None else margin
 
 
-def region_of(lattice: Lattice, points: Floats, margin: float) -> Region:
-    """The region of the grains at ``points`` [m], without ``margin`` [m] at open sides."""
-    points = lattice.wrapped(points)
-    if lattice.height > 0.0:
-        sides = lattice.width, lattice.height
-        return Region(points, lattice, sides, (False, False), np.arange(len(points)))
-    low, high = points.min(axis=0) + margin, points.max(axis=0) - margin
-    if lattice.width > 0.0:
-        low[X], high[X] = 0.0, lattice.width
-    a, b = np.maximum(high - low, 0.0).tolist()
-    inside = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    return Region(points[inside], lattice, (a, b), (lattice.width <= 0.0, True), inside)
+def region_of(model: Model, frame: Frame, margin: float) -> Region:
+    """The region of the grains of a frame, without ``margin`` mean diameters at open sides."""
+    lattice = lattice_of(model, frame).reduced
+    points = lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
+    which, sides = np.arange(len(points)), [lattice.width, lattice.height]
+    is_open = lattice.width <= 0.0, lattice.height <= 0.0
+    for axis in np.flatnonzero(is_open):
+        x, edge = points[:, axis], margin * model.mean_diameter
+        low, high = x.min() + edge, x.max() - edge
+        which = which[(x[which] >= low) & (x[which] <= high)]
+        sides[axis] = max(float(high - low), 0.0)
+    return Region(points[which], lattice, (sides[0], sides[1]), is_open, which)
+
+
+def pair_bins(
+    source: Run,
+    selection: Selection | None,
+    reach: float | None,
+    bins: int | None,
+    margin: float | None,
+    wide: float,
+) -> tuple[NDArray[np.int64], float, int, float]:
+    """Where pairs are looked for: frames, margin, number and width of the bins [d̄].
+
+    As `pair_correlation` is asked, but for bins about ``wide`` mean diameters; raises what it does.
+    """
+    edge = margin_of(source.model, margin)
+    chosen = (selection or Selection()).indices(source.frames)
+    need_grains(source, chosen)
+    limit = min(region_of(source.model, f, edge).limit for f in frames_of(source, chosen))
+    return chosen, edge, *distance_bins(limit / source.model.mean_diameter, reach, bins, wide)
 
 
 def distance_bins(
@@ -224,11 +234,3 @@ def distance_bins(
             f"region of the grains, {limit:.4g} mean diameters"
         )
     return count, reach / count
-
-
-def _count_pairs(region: Region, width: float, count: int) -> Floats:
-    """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``."""
-    pairs = np.zeros(count, np.int64)
-    for near in near_pairs(region.points, region.lattice, (count + 0.5) * width):
-        pairs += np.bincount(near.bins(width), minlength=count + 1)[1 : count + 1]
-    return pairs.astype(np.float64)

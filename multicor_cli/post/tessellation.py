@@ -12,7 +12,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.optional import library
-from multicor_cli.post.lattice import lattice_of
+from multicor_cli.post.lattice import Complexes, in_plane, lattice_of
 from multicor_cli.post.source import Frame
 from multicor_cli.post.walls import placed_walls
 
@@ -25,7 +25,8 @@ around."""
 
 _NEAR = 4.0  # how far images are looked at first, in mean distances of the grains
 _SHORT = 1e-6  # in mean distances of the grains: shorter sides are corners where four cells meet
-_FAR = 2.0  # distance of the four points around everything, over its extent
+_CORNERS = 2.0 * np.array([-1.0 - 1.0j, 1.0 - 1.0j, 1.0 + 1.0j, -1.0 + 1.0j])  # over the extent
+_QHULL = "Qt Q11 Q5 Q7"  # triangles; nobody asks for outer planes; depth first suits the cache
 
 
 class Cells(NamedTuple):
@@ -73,14 +74,12 @@ class Cells(NamedTuple):
         """
         is_bond, n = self.other != WALL, self.area.size
         grain, length = self.grain[is_bond], self.length[is_bond]
-        angle = fold * np.arctan2(self.normal[is_bond, 1], self.normal[is_bond, 0])
-        parts = (np.bincount(grain, length * wave(angle), minlength=n) for wave in (np.cos, np.sin))
-        whole = np.bincount(grain, length, minlength=n)
-        real, imaginary = (
-            np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
-            for part in parts
+        wave = length * in_plane(self.normal)[is_bond] ** fold
+        whole, real, imaginary = (
+            np.bincount(grain, part, minlength=n) for part in (length, wave.real, wave.imag)
         )
-        return np.asarray(real + 1j * imaginary)
+        order = np.full(n, np.nan, np.complex128)
+        return np.divide(real + 1j * imaginary, whole, out=order, where=whole > 0.0)
 
 
 class _Sides(NamedTuple):
@@ -88,19 +87,19 @@ class _Sides(NamedTuple):
 
     grain: NDArray[np.int64]
     other: NDArray[np.int64]
-    start: Floats
-    end: Floats
+    start: Complexes
+    end: Complexes
 
     def area_of(self, count: int) -> Floats:
         """Areas of the cells of so many grains [m²], shape ``(n,)``."""
-        (x, y), (u, v) = self.start.T, self.end.T
-        return np.asarray(0.5 * np.bincount(self.grain, x * v - y * u, minlength=count))
+        twice = _cross(self.start, self.end)
+        return np.asarray(0.5 * np.bincount(self.grain, twice, minlength=count))
 
     def reach_of(self, count: int) -> Floats:
         """How far the cells of so many grains reach from their centers [m], shape ``(n,)``."""
-        found = np.zeros(count)
-        np.maximum.at(found, self.grain, np.sqrt(_dot(self.end, self.end)))
-        return found
+        square = np.zeros(count)
+        np.maximum.at(square, self.grain, _dot(self.end, self.end))
+        return np.sqrt(square)
 
 
 def cells_of(model: Model, frame: Frame) -> Cells:
@@ -117,74 +116,72 @@ def cells_of(model: Model, frame: Frame) -> Cells:
     discs = np.concatenate([np.column_stack([center, model.grains.radius]), *glued])
     discs[n:, :2] = lattice.wrapped(discs[n:, :2])
     place, radius = discs[:, :2], discs[:, 2]
-    around = np.ptp([(place.T - radius).min(axis=1), (place.T + radius).max(axis=1)], axis=0)
+    around = [np.ptp(np.concatenate([x - radius, x + radius])) for x in place.T]
     size = np.where(np.array(lattice[:2]) > 0.0, lattice[:2], around)
     spacing = float(np.sqrt(size.prod() / n))
     is_cell, limit = lattice.height > 0.0, OPEN * spacing
     reach = _NEAR * spacing if is_cell else limit + float(np.hypot(limit, radius.max()))
     while True:
         which, shift = lattice.images(place, np.full(len(discs), reach))
-        sides = _radical_sides(place[which] + shift, radius[which], n, reach)
+        sides = _radical_sides(in_plane(place[which] + shift), radius[which], n, reach)
         sides = sides._replace(other=np.append(which, np.full(4, len(discs)))[sides.other])
         for foot in _feet(model, walls, center, lattice.width, sides.reach_of(n)):
             sides = _cut(sides, foot)
-        if not is_cell:
-            break
-        # What could cut a corner off lies in the circle about it that is orthogonal to the discs
         farthest = sides.reach_of(n)
+        # What could cut a corner off lies in the circle about it that is orthogonal to the discs
         needed = float((farthest + np.hypot(farthest, radius.max())).max())
-        if needed <= reach:
+        if not is_cell or needed <= reach:
             break
         reach = needed if (sides.other < len(discs)).all() else 2.0 * reach
     area = sides.area_of(n)
     is_open = np.bincount(sides.grain, minlength=n) == 0
     if not is_cell:
-        is_open |= sides.reach_of(n) > min(OPEN * float(np.sqrt(np.median(area))), limit)
+        is_open |= farthest > min(OPEN * float(np.sqrt(np.median(area))), limit)
     way = sides.end - sides.start
-    length = np.hypot(*way.T)
+    length = np.sqrt(_dot(way, way))
     kept = ~is_open[sides.grain] & (length > _SHORT * spacing)
-    normal = np.column_stack([way[kept, 1], -way[kept, 0]]) / length[kept, np.newaxis]
+    normal = (-1j / length[kept]) * way[kept]
     area[is_open] = np.nan
-    return Cells(area, sides.grain[kept], sides.other[kept], normal, length[kept])
+    return Cells(
+        area, sides.grain[kept], sides.other[kept], normal.view(np.float64).reshape(-1, 2),
+        length[kept],
+    )  # fmt: skip
 
 
-def _radical_sides(points: Floats, radius: Floats, count: int, room: float) -> _Sides:
+def _radical_sides(points: Complexes, radius: Floats, count: int, room: float) -> _Sides:
     """Sides of the cells of the first ``count`` of some discs, whose neighbors are numbered.
 
     Four more points, farther than ``room`` [m] around them all, close the cells. Cells are dual to
     the lower faces of the convex hull of the points (x, y, x² + y² − a²).
     """
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    scale = float(np.max(np.ptp(points, axis=0))) + 2.0 * room
-    corners = _FAR * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    at = np.concatenate([(points - middle) / scale, corners])
-    square = np.append(radius / scale, np.zeros(4)) ** 2
+    x, y = points.real, points.imag
+    middle = 0.5 * complex(x.min() + x.max(), y.min() + y.max())
+    scale = float(max(np.ptp(x), np.ptp(y))) + 2.0 * room
+    at = np.concatenate([(points - middle) / scale, _CORNERS])
+    square = np.append(radius / scale, np.zeros(_CORNERS.size)) ** 2
     hull = library("scipy.spatial").ConvexHull(
-        np.column_stack([at, _dot(at, at) - square]), qhull_options="Qt Q11"
+        np.column_stack([at.real, at.imag, _dot(at, at) - square]), qhull_options=_QHULL
     )
     number = np.full(len(hull.simplices), -1)
     is_lower = hull.equations[:, 2] < 0.0
     number[is_lower] = np.arange(is_lower.sum())
-    face, beyond = hull.simplices[is_lower], number[hull.neighbors[is_lower]]
-    a, b, c = at[face].transpose(1, 0, 2)
-    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    twice = ux * vy - uy * vx  # twice the area of the triangle
-    power = square[face]
-    p = 0.5 * (ux**2 + uy**2 - power[:, 1] + power[:, 0])
-    q = 0.5 * (vx**2 + vy**2 - power[:, 2] + power[:, 0])
+    face, beyond = hull.simplices[is_lower].T, number[hull.neighbors[is_lower].T]
+    a, b, c = at[face]
+    u, v, power = b - a, c - a, square[face]
+    twice = _cross(u, v)  # the area of the triangle
     with np.errstate(invalid="ignore", divide="ignore"):
-        corner = a + np.column_stack([p * vy - q * uy, q * ux - p * vx]) / twice[:, np.newaxis]
-    is_left = twice > 0.0
-    found = []
-    for k in range(3):  # the edge opposite to k: counter-clockwise it is the first one's
-        one, two = face[:, (k + 1) % 3], face[:, (k + 2) % 3]
-        first, second = np.where(is_left, one, two), np.where(is_left, two, one)
-        own = np.flatnonzero((first < count) & (beyond[:, k] >= 0))
-        grain = first[own]
-        # The face is on the left of the edge: around the grain its corner follows the other's
-        start, end = corner[beyond[own, k]] - at[grain], corner[own] - at[grain]
-        found.append(_Sides(grain, second[own], scale * start, scale * end))
-    return _Sides(*(np.concatenate(values) for values in zip(*found, strict=True)))
+        p = 0.5 * (_dot(u, u) - power[1] + power[0]) / twice
+        q = 0.5 * (_dot(v, v) - power[2] + power[0]) / twice
+        corner = a - 1j * (p * v - q * u)
+    # The edge opposite to each point of a face; counter-clockwise it is the one of the first
+    one, two, is_left = face[[1, 2, 0]], face[[2, 0, 1]], twice > 0.0
+    first, second = np.where(is_left, one, two), np.where(is_left, two, one)
+    is_own = (first < count) & (beyond >= 0)
+    grain = first[is_own].astype(np.int64)
+    # The face is on the left of the edge: around the grain its corner follows the other's
+    start = corner[beyond[is_own]] - at[grain]
+    end = corner[np.nonzero(is_own)[1]] - at[grain]
+    return _Sides(grain, second[is_own], scale * start, scale * end)
 
 
 def _feet(
@@ -193,10 +190,10 @@ def _feet(
     center: Floats,
     period: float,
     reach: Floats,
-) -> Iterator[Floats]:
+) -> Iterator[Complexes]:
     """Ways from the grains to points at which smooth walls end their cells, nan for none [m].
 
-    Each of the shape ``(n, 2)``, with one such point of every grain; only those within ``reach`` of
+    Each of the shape ``(n,)``, with one such point of every grain; only those within ``reach`` of
     the grains, shape ``(n,)``.
     """
     shapes, nearest = model.shapes, np.full((model.wall_count, len(center)), np.inf)
@@ -216,12 +213,12 @@ def _feet(
             own[grain] = np.minimum(own[grain], distance[grain])
             grains.append(grain)
             feet.append(foot[grain])
-    grain, ways = np.concatenate(grains), np.concatenate(feet)
+    grain, ways = np.concatenate(grains), in_plane(np.concatenate(feet))
     order = np.argsort(grain, kind="stable")
     grain, ways = grain[order], ways[order]
     turn = np.arange(grain.size) - np.searchsorted(grain, grain)
     for number in range(int(turn.max(initial=-1)) + 1):
-        found = np.full((len(center), 2), np.nan)
+        found = np.full(len(center), np.nan + 0.0j)
         found[grain[turn == number]] = ways[turn == number]
         yield found
 
@@ -249,7 +246,7 @@ def _foot(outline: Outline, k: int, center: Floats, period: float) -> Floats:
     return np.where(is_beside[:, np.newaxis], away + part[:, np.newaxis] * way, np.nan)
 
 
-def _cut(sides: _Sides, foot: Floats) -> _Sides:
+def _cut(sides: _Sides, foot: Complexes) -> _Sides:
     """The cells as far as they lie before the lines through some feet, across the ways there."""
     own = foot[sides.grain]
     square = _dot(own, own)
@@ -258,19 +255,21 @@ def _cut(sides: _Sides, foot: Floats) -> _Sides:
     )
     leaves, enters = (one <= 0.0) & (two > 0.0), (one > 0.0) & (two <= 0.0)
     part = np.divide(one, one - two, out=np.zeros_like(one), where=leaves | enters)
-    crossing = sides.start + part[:, np.newaxis] * (sides.end - sides.start)
-    end = np.where(leaves[:, np.newaxis], crossing, sides.end)
-    start = np.where(enters[:, np.newaxis], crossing, sides.start)
+    crossing = sides.start + part * (sides.end - sides.start)
+    end, start = np.where(leaves, crossing, sides.end), np.where(enters, crossing, sides.start)
     kept = (one <= 0.0) | (two <= 0.0)
     inside = sides.grain[kept], sides.other[kept], start[kept], end[kept]
     # Along the wall from where a cell leaves to where it enters again
     out, back = np.full_like(foot, np.nan), np.full_like(foot, np.nan)
     out[sides.grain[leaves]], back[sides.grain[enters]] = crossing[leaves], crossing[enters]
-    grain = np.flatnonzero(np.isfinite(out[:, 0]) & np.isfinite(back[:, 0]))
+    grain = np.flatnonzero(np.isfinite(out) & np.isfinite(back))
     wall = grain, np.full(grain.size, WALL), out[grain], back[grain]
     return _Sides(*(np.concatenate(pair) for pair in zip(inside, wall, strict=True)))
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    """Products of vectors, row by row."""
-    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])
+def _dot(a: Complexes, b: Complexes) -> Floats:
+    return np.asarray(a.real * b.real + a.imag * b.imag)
+
+
+def _cross(a: Complexes, b: Complexes) -> Floats:
+    return np.asarray(a.real * b.imag - a.imag * b.real)

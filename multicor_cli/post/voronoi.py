@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
-from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -100,7 +99,7 @@ def voronoi(
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
     count = bins or _BINS
-    rows = np.array([_sums(source, f, edge * diameter, count) for f in frames_of(source, chosen)])
+    rows = np.array([_sums(source, f, edge, count) for f in frames_of(source, chosen)])
     if not rows[:, 1].any():
         raise PostError(
             "no grain in the region has a cell: too few are there, or each is at a free surface; "
@@ -143,8 +142,8 @@ def voronoi(
 
 def _sums(source: Run, frame: Frame, margin: float, count: int) -> Floats:
     """Grains with open cells; the `_SUMS`; grains by number of neighbors and by local fraction."""
-    model, points = model_of(source, frame), np.asarray(frame.position, np.float64)[:, :2]
-    inside = region_of(lattice_of(model, frame), points, margin).which
+    model = model_of(source, frame)
+    inside = region_of(source.model, frame, margin).which
     cells = cells_of(model, frame)
     known = inside[~cells.is_open[inside]]
     solid, area = np.pi * model.grains.radius[known] ** 2, cells.area[known]

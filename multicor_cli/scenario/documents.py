@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -16,6 +15,8 @@ import tomli_w
 from pydantic import Field, Strict, StrictBool
 
 from multicor_cli.scenario.problems import (
+    BARE_KEY,
+    MAX_NESTING,
     OVERRIDE,
     KeyPath,
     Problem,
@@ -23,18 +24,15 @@ from multicor_cli.scenario.problems import (
     ScenarioError,
     format_key,
 )
-from multicor_cli.scenario.sources import MAX_NESTING
 
 # ---- Values as TOML in one line, as `tomli_w` does not write them: for `--set`, and for pages
-
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def in_line(value: Any) -> str:
     """A value of TOML's types in one line."""
     if isinstance(value, dict):
         entries = (
-            f"{key if _BARE.fullmatch(key) else json.dumps(key)} = {in_line(entry)}"
+            f"{key if BARE_KEY.fullmatch(key) else json.dumps(key)} = {in_line(entry)}"
             for key, entry in value.items()
         )
         return f"{{ {', '.join(entries)} }}"

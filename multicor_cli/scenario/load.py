@@ -20,16 +20,20 @@ from multicor_cli.scenario.checks import check_all
 from multicor_cli.scenario.expressions import Evaluated, unused_overrides
 from multicor_cli.scenario.particles import take_groups
 from multicor_cli.scenario.problems import (
+    MAX_NESTING,
     OVERRIDE,
     KeyPath,
+    Lines,
     Problem,
     Refused,
     ScenarioError,
+    Sources,
+    find_deep_nesting,
     format_key,
     name_list,
+    parse_key,
     show,
 )
-from multicor_cli.scenario.sources import MAX_NESTING, Lines, Sources, find_deep_nesting, parse_key
 from multicor_cli.scenario.tables import PartialScenario, ScenarioModel
 from multicor_cli.scenario.translate import translate
 

@@ -15,10 +15,9 @@ from multicor_cli.scenario.documents import to_document, to_override
 from multicor_cli.scenario.drives import WallCondition
 from multicor_cli.scenario.load import read_tables, read_text
 from multicor_cli.scenario.materials import ContactPair
-from multicor_cli.scenario.problems import Refused, ScenarioError
+from multicor_cli.scenario.problems import Refused, ScenarioError, Sources
 from multicor_cli.scenario.settings import Solver
 from multicor_cli.scenario.sizes import Sizes
-from multicor_cli.scenario.sources import Sources
 from multicor_cli.scenario.stage_drives import (
     KeptCondition,
     StageDrives,

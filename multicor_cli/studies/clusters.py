@@ -10,16 +10,19 @@ import shlex
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from multicor_cli.optional import library
 from multicor_cli.running.machine import available_cores, available_memory, python_child
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.errors import StoreError
+from multicor_cli.studies.processes import end_fork_servers, stop_cases
 from multicor_cli.studies.study_file import Compute, Queue, parse_memory
-from multicor_cli.studies.task import LocalClient
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -41,6 +44,99 @@ _NO_PAGE = "DASK_DISTRIBUTED__WORKER__HTTP__ROUTES='[]'"
 """Leaves out of a worker the pages that it would show to anybody."""
 
 _CLASSES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "sge": "SGECluster", "lsf": "LSFCluster"}
+
+
+# ---- Cases on this machine, a thread each. No port is open, so nobody else can get in
+
+_HERE = "here"
+
+Task = dict[str, Any]
+Work = Callable[[Task], dict[str, Any]]
+
+
+class LocalFuture(Future[dict[str, Any]]):
+    """The outcome of the case ``key``, with the names that Dask has for it."""
+
+    def __init__(self, key: str) -> None:
+        super().__init__()
+        self.key = key
+
+    @property
+    def status(self) -> str:
+        """``pending``, ``finished``, ``cancelled`` or ``error``."""
+        if not self.done():
+            return "pending"
+        if self.cancelled():
+            return "cancelled"
+        return "finished" if self.exception() is None else "error"
+
+
+class LocalClient:
+    """What `Computation` asks of a `distributed.Client`, with so many cases at a time."""
+
+    status = "running"
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._waiting: SimpleQueue[tuple[LocalFuture, Work, Task]] = SimpleQueue()
+        self._running: set[str] = set()
+        self._owners: set[str] = set()
+        self._is_closed = False
+        for _ in range(workers):
+            # The second Ctrl-C waits for nobody
+            threading.Thread(target=self._work, daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Stop what still runs, with a checkpoint, and wait for nothing."""
+        self._is_closed = True
+        for owner in self._owners:
+            stop_cases(owner)
+        for _ in range(self._workers):
+            self._waiting.put((LocalFuture(""), dict, {}))  # wakes a thread
+        end_fork_servers()
+
+    def submit(self, function: Work, task: Task, *, key: str, **_options: Any) -> LocalFuture:
+        """Call a function with a task as soon as there is room for another case."""
+        future = LocalFuture(key)
+        self._owners.add(task["client"])
+        self._waiting.put((future, function, task))
+        return future
+
+    def nthreads(self) -> dict[str, int]:
+        """How many cases can run at a time."""
+        return {_HERE: self._workers}
+
+    def processing(self) -> dict[str, list[str]]:
+        """Names of the cases that have begun."""
+        return {_HERE: sorted(self._running)}
+
+    def run(self, function: Callable[..., Any], *arguments: Any, **_options: Any) -> dict[str, Any]:
+        return {_HERE: function(*arguments)}
+
+    def cancel(self, futures: Iterable[LocalFuture]) -> None:
+        for future in futures:
+            future.cancel()
+
+    def _work(self) -> None:
+        while True:
+            future, function, task = self._waiting.get()
+            if self._is_closed:
+                return
+            if not future.set_running_or_notify_cancel():
+                continue
+            self._running.add(future.key)
+            try:
+                future.set_result(function(task))
+            except Exception as error:
+                future.set_exception(error)
+            finally:
+                self._running.discard(future.key)
+
+
+# ---- Where cases are computed
 
 
 class Needs(NamedTuple):

@@ -17,11 +17,10 @@ import multicor_cli
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.axes import Case
-from multicor_cli.studies.child import outcome
 from multicor_cli.studies.clusters import Cluster
 from multicor_cli.studies.directory import StudyDirectory
+from multicor_cli.studies.processes import outcome, run_case, stop_cases
 from multicor_cli.studies.study_file import Study
-from multicor_cli.studies.task import run_case, stop_cases
 
 if TYPE_CHECKING:
     from distributed import Future

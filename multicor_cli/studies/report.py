@@ -16,10 +16,9 @@ from multicor_cli import __version__
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots.style import PlotError
 from multicor_cli.post.source import PostError
+from multicor_cli.report import check_target, write_report
 from multicor_cli.report.figures import Figure, make_figure
-from multicor_cli.report.page import details, figure_cards, header, html_of, table_cards
-from multicor_cli.report.tables import ReportRow
-from multicor_cli.report.write import check_target, write_report
+from multicor_cli.report.page import ReportRow, details, figure_cards, header, html_of, table_cards
 from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.studies.axes import SEED, short_names, shown

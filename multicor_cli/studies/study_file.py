@@ -22,9 +22,8 @@ from pydantic import (
 
 from multicor_cli.scenario.base import Name, Table
 from multicor_cli.scenario.load import parse_toml, read_text
-from multicor_cli.scenario.problems import KeyPath, Refused, ScenarioError
+from multicor_cli.scenario.problems import KeyPath, Refused, ScenarioError, Sources
 from multicor_cli.scenario.region import AnyRegion
-from multicor_cli.scenario.sources import Sources
 from multicor_cli.scenario.translate import translate
 
 # ---- The tables

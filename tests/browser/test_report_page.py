@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
-from report_run import EVIL, write_evil_run
+from report_run import EVIL
 
 from multicor_cli.report import write_report
 from multicor_cli.store import open_run
@@ -33,17 +33,16 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("report")
-    write_evil_run(folder / "run")
-    write_report(folder / "run", folder / "page.html")
-    return (folder / "page.html").as_uri()
+def address(evil, tmp_path_factory):
+    page = tmp_path_factory.mktemp("report") / "page.html"
+    write_report(evil, page)
+    return page.as_uri()
 
 
 @pytest.fixture
-def run(address):
+def run(evil):
     """The run that the page is about."""
-    with open_run(Path(address.removeprefix("file://")).parent / "run") as opened:
+    with open_run(evil) as opened:
         yield opened
 
 

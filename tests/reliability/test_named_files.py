@@ -215,7 +215,7 @@ WRITERS = {
 @pytest.mark.parametrize("words", WRITERS)
 def test_places_where_nothing_can_be_written(tmp_path, finished, words, name, monkeypatch):
     # they take most of the time of a report
-    monkeypatch.setattr("multicor_cli.report.write.make_figures", lambda run, books: [])
+    monkeypatch.setattr("multicor_cli.report.make_figures", lambda run, books: [])
     (tmp_path / "same.toml").write_text(SMALL)
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "dangling").symlink_to("nowhere/at/all")

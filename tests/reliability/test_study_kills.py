@@ -140,8 +140,8 @@ def victims(client, there):
         except psutil.Error:
             continue
         for pid, (line, parent) in lines.items():
-            if "studies.forking" in line:  # cases are forked from it
-                is_case = "studies.forking" in lines.get(parent, ("", 0))[0]
+            if "studies.processes" in line:  # cases are forked from it
+                is_case = "studies.processes" in lines.get(parent, ("", 0))[0]
                 found["case" if is_case else "fork server"].append(pid)
             elif "spawn_main" in line:
                 found["worker"].append(pid)

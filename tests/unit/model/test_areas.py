@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from stars import star, winding
 
 from multicor_cli.model.shapes import Annulus, Discs, Polygon, Rectangle, Room, fault_of_polygon
 
@@ -18,21 +19,6 @@ AREAS = {
     "discs": Discs(np.array([[-1.0, 0.0, 0.7], [0.5, 0.0, 0.8], [0.5, 1.8, 1.0]])),
 }
 POINTS = np.random.default_rng(2).uniform(-2.5, 3.0, (4000, 2))
-
-
-def winding(corners, points):
-    """How often corners run around points, by adding up angles."""
-    way = corners[np.newaxis] - points[:, np.newaxis]
-    angle = np.arctan2(way[..., 1], way[..., 0])
-    turn = np.diff(np.concatenate([angle, angle[:, :1]], axis=1), axis=1)
-    return np.rint(((turn + np.pi) % (2.0 * np.pi) - np.pi).sum(axis=1) / (2.0 * np.pi))
-
-
-def star(rng, count):
-    """Corners of a simple polygon around the origin."""
-    angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.0, 0.9, count)) / count
-    radius = rng.uniform(0.3, 1.0, count)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 @pytest.mark.parametrize("name", AREAS)
@@ -74,7 +60,7 @@ def outline(area):
 @pytest.mark.parametrize("seed", range(20))
 def test_points_in_polygons_are_those_that_it_winds_around(seed):
     rng = np.random.default_rng(seed)
-    corners = star(rng, int(rng.integers(3, 40)))
+    corners = star(rng, int(rng.integers(3, 40)), 0.3, 1.0)
     points = rng.uniform(-1.1, 1.1, (2000, 2))
     assert np.array_equal(Polygon(corners).contains(points), winding(corners, points) != 0)
 
@@ -127,7 +113,7 @@ def test_what_is_no_simple_polygon(points, corner, words):
 
 def test_simple_polygons_have_no_fault():
     rng = np.random.default_rng(8)
-    for corners in [L_SHAPE, L_SHAPE[::-1], *(star(rng, 30) for _ in range(20))]:
+    for corners in [L_SHAPE, L_SHAPE[::-1], *(star(rng, 30, 0.3, 1.0) for _ in range(20))]:
         assert fault_of_polygon(corners) is None
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from packing_support import GRAVITY, PERIODIC, built, problems, scenario, wall
+from stars import star, winding
 
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
@@ -92,7 +93,7 @@ def test_grains_glued_to_a_polygon_have_their_centers_on_its_sides():
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_gap_to_a_polygon_is_that_to_its_nearest_side_or_corner(seed):
-    shape = Polygon(corners := star(np.random.default_rng(seed)))
+    shape = Polygon(corners := star_in_domain(np.random.default_rng(seed)))
     obstacles = walls_of(polygon(corners)).obstacles()
     kind, world = obstacles.kind, obstacles.world
     points = np.random.default_rng(seed + 50).uniform(0.0, 0.08, (300, 2))
@@ -104,20 +105,8 @@ def test_the_gap_to_a_polygon_is_that_to_its_nearest_side_or_corner(seed):
         assert shape.depth(foot)[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def star(rng):
-    """Corners of a simple polygon around the middle of the domain."""
-    count = int(rng.integers(3, 10))
-    angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.0, 0.9, count)) / count
-    radius = rng.uniform(0.004, 0.018, (count, 1))
-    return np.array([0.03, 0.03]) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def is_wound(corners, points):
-    """Whether corners run around points, by adding up angles."""
-    way = corners[np.newaxis] - points[:, np.newaxis]
-    angle = np.arctan2(way[..., 1], way[..., 0])
-    turn = np.diff(np.concatenate([angle, angle[:, :1]], axis=1), axis=1)
-    return np.abs(((turn + np.pi) % (2.0 * np.pi) - np.pi).sum(axis=1)) > np.pi
+def star_in_domain(rng):
+    return np.array([0.03, 0.03]) + star(rng, int(rng.integers(3, 10)), 0.004, 0.018)
 
 
 PACKINGS = {
@@ -141,12 +130,12 @@ def test_no_grain_is_placed_in_solid_matter(seed):
     """Random polygons and discs, large enough to hold grains that do not touch their outline;
     `build` refuses overlaps."""
     rng, packing = np.random.default_rng(seed), list(PACKINGS)[seed % len(PACKINGS)]
-    corners, disc = star(rng), rng.uniform([0.01, 0.055, 2e-3], [0.05, 0.07, 9e-3])
+    corners, disc = star_in_domain(rng), rng.uniform([0.01, 0.055, 2e-3], [0.05, 0.07, 9e-3])
     round_one = f'kind = "disc", center = {disc[:2].tolist()}, radius = {disc[2]}'
     walls = wall("p", polygon(corners)) + wall("d", round_one)
     model, state = built(group(packing), GRAVITY, extra=walls)
     center, radius = state.position[:, :2], model.grains.radius
-    assert not is_wound(corners, center).any()
+    assert not winding(corners, center).any()
     assert (np.hypot(*(center - disc[:2]).T) >= (disc[2] + radius) * (1.0 - 1e-3)).all()
     assert (Polygon(corners).depth(center) <= -radius * (1.0 - 1e-3)).all()
 

@@ -207,15 +207,6 @@ def test_velocities_that_mean_nothing_are_refused(name, tmp_path):
         build(scenario(**{**IN_CELL, "periodic": periodic, "grains": {"packing": packing}}))
 
 
-@pytest.fixture(scope="module")
-def sheared(tmp_path_factory):
-    """Directory of a run whose cell has been deformed."""
-    folder = tmp_path_factory.mktemp("cell")
-    (folder / "cell.toml").write_text(CELL)
-    multicor.run(folder / "cell.toml", folder / "run", threads=1)
-    return folder / "run"
-
-
 def start(folder, *changes):
     head, tail = CELL.split("[[particles]]")
     text = (

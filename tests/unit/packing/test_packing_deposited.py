@@ -13,8 +13,8 @@ from packing_support import (
     wall,
 )
 
-from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.initial_grains import PackingRegion
+from multicor_cli.packing.placing import deposit
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Refused
 

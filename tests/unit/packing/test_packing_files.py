@@ -10,8 +10,7 @@ import scene_parts
 from store_support import make_model, run_whole
 
 from multicor_cli.packing import file
-from multicor_cli.packing.file import read_grains
-from multicor_cli.packing.other_run import read_frame
+from multicor_cli.packing.file import read_frame, read_grains
 from multicor_cli.packing.overlap import CROWD, overlap_problems, thin_crowds
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Refused

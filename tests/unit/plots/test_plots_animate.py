@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from report_run import write_evil_run
 
 from multicor_cli.plots import PlotError
 from multicor_cli.plots.animate import _draw_all, _find_stage, film_path, write_film
@@ -16,10 +15,8 @@ from multicor_cli.store import open_run
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    path = tmp_path_factory.mktemp("run") / "run"
-    write_evil_run(path)
-    return open_run(path)
+def run(evil):
+    return open_run(evil)
 
 
 def maps(run, of="velocity"):

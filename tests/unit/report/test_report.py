@@ -23,10 +23,17 @@ from multicor_cli.export import ExportRefused
 from multicor_cli.post import QUANTITIES, PostError, force_network, rheology
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.post.quantities import color_range
-from multicor_cli.report import pack, tables, write_report
+from multicor_cli.report import default_path, pack, write_report
 from multicor_cli.report.figures import _book_lines, _Thinning
-from multicor_cli.report.page import _solids
-from multicor_cli.report.write import default_path
+from multicor_cli.report.page import (
+    ReportRow,
+    _solids,
+    describe_forces,
+    describe_rheology,
+    describe_run,
+    describe_stages,
+    pretty,
+)
 from multicor_cli.store import RunDirectory, StoreError, open_run, run_info
 from multicor_cli.store.documents import StageEnd
 
@@ -78,19 +85,12 @@ def test_pages_hold_compressed_bytes_of_chosen_frames_and_contacts():
 @pytest.fixture
 def no_figures(monkeypatch):
     """Figures take most of the time of a report."""
-    monkeypatch.setattr("multicor_cli.report.write.make_figures", lambda run, books: [])
+    monkeypatch.setattr("multicor_cli.report.make_figures", lambda run, books: [])
 
 
 def written(run, **options):
     """The page of a run, beside it."""
     return write_report(run, **options).path.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def evil(tmp_path_factory):
-    path = tmp_path_factory.mktemp("evil") / "run"
-    write_evil_run(path)
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +207,7 @@ def test_small_budget_thins_frames_and_contacts_and_says_so(tmp_path, monkeypatc
     assert small.codes["speed"].width == 1
     assert small.contact_limit < GRAINS
     assert len(small.walls) == len(small.chunks)
-    monkeypatch.setattr("multicor_cli.report.write.SIZE_LIMIT", 2_000_000 + whole.size // 4)
+    monkeypatch.setattr("multicor_cli.report.SIZE_LIMIT", 2_000_000 + whole.size // 4)
     text = written(tmp_path / "run")
     assert re.search(r"\d+ of 40 frames of the run, with the \d+ strongest contacts of each", text)
     meta, frames, _ = read_page(text)
@@ -310,7 +310,7 @@ def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are(
     (-1600, "−1,600"),
 ])  # fmt: skip
 def test_numbers_for_people(value, text):
-    assert tables.pretty(value) == text
+    assert pretty(value) == text
 
 
 ABSURD = {
@@ -382,9 +382,7 @@ def test_page_says_how_stages_ended(tmp_path):
         end = StageEnd(0, "<i>wait</i>", "timeout", 20, 0.5, 0.5, *what)
         run.stage_ended(end)
         drive(run, make_model(), steps=40, checkpoint_every=15)
-    assert tables.describe_stages(run_info(tmp_path / "run")) == [
-        tables.ReportRow(end.name, end.text)
-    ]
+    assert describe_stages(run_info(tmp_path / "run")) == [ReportRow(end.name, end.text)]
     text = written(tmp_path / "run")
     assert "Ends of the stages" in text
     words = (
@@ -401,7 +399,7 @@ def test_a_version_that_is_not_known_is_left_out():
         "stop_reason", "time", "step", "grain_count", "started", "finished", "duration",
         "state_digest",
     ]  # fmt: skip
-    rows = tables.describe_run({**dict.fromkeys(names), **known, **counts})
+    rows = describe_run({**dict.fromkeys(names), **known, **counts})
     assert "version" not in [row.name for row in rows]
 
 
@@ -468,15 +466,15 @@ def test_checks_stand_above_all_and_open_where_something_is_wrong(page):
 def test_rheology_and_forces_are_told_where_there_are_any(tmp_path):
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as run:
-        rows = {row.name: row.value for row in tables.describe_rheology(run)}
+        rows = {row.name: row.value for row in describe_rheology(run)}
         assert rows["solid fraction in the bulk"].startswith(
-            tables.pretty(rheology(run).mean["solid_fraction"])
+            pretty(rheology(run).mean["solid_fraction"])
         )
-        forces = {row.name: row.value for row in tables.describe_forces(run)}
-        assert forces["contacts that carry a force"] == tables.pretty(force_network(run).rows[0][1])
+        forces = {row.name: row.value for row in describe_forces(run)}
+        assert forces["contacts that carry a force"] == pretty(force_network(run).rows[0][1])
     run_whole(tmp_path / "other")
     with open_run(tmp_path / "other") as run:
-        assert tables.describe_rheology(run) == []
+        assert describe_rheology(run) == []
 
 
 def test_solid_polygons_are_found_wall_by_wall():

@@ -169,14 +169,6 @@ def test_steady_friction_is_shear_over_the_mean_pressure():
 # ---- Whole runs
 
 
-@pytest.fixture(scope="module")
-def sheared(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("cell")
-    (folder / "cell.toml").write_text(CELL)
-    multicor.run(folder / "cell.toml", folder / "run", threads=1)
-    return folder / "run"
-
-
 def test_the_grains_bear_the_stress(sheared):
     """The series have its stress times its area, which is that of contacts and of velocities."""
     with multicor.open_run(sheared) as run:

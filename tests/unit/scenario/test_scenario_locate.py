@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scenario_problems import places
 
-from multicor_cli.scenario import sources
+from multicor_cli.scenario import problems
 
 KEYS = st.one_of(
     st.text("abc019_-", min_size=1, max_size=4),
@@ -162,17 +162,17 @@ def test_all_keys_are_found_where_they_were_written(document, seed):
     writer = Writer(seed)
     writer.table((), (), document)
     data = tomllib.loads(writer.text)
-    offsets = sources.locate_keys(writer.text)
+    offsets = problems.locate_keys(writer.text)
     assert set(offsets) == set(places(data))
     assert offsets == writer.offsets
 
 
 def test_headers_lines_and_columns_are_found():
     text = "[a.b]\nc = 1\n[a]\nd = 2\n"
-    offsets = sources.locate_keys(text)
+    offsets = problems.locate_keys(text)
     assert offsets[("a",)] == text.index("[a]")
     assert offsets[("a", "b", "c")] == text.index("c")
-    lines = sources.Lines("ab\nçd\r\n\nx")
+    lines = problems.Lines("ab\nçd\r\n\nx")
     ends = [(1, 1), (1, 3), (2, 1), (2, 2), (3, 1), (4, 1)]
     assert [lines.position(offset) for offset in (0, 2, 3, 4, 7, 8)] == ends
     assert lines.line(2) == "çd"
@@ -182,23 +182,23 @@ def test_headers_lines_and_columns_are_found():
 @pytest.mark.parametrize(
     ("text", "is_deep"),
     [
-        ("a = " + "[" * sources.MAX_NESTING + "]" * sources.MAX_NESTING, False),
-        ("a = " + "[" * (sources.MAX_NESTING + 1), True),
+        ("a = " + "[" * problems.MAX_NESTING + "]" * problems.MAX_NESTING, False),
+        ("a = " + "[" * (problems.MAX_NESTING + 1), True),
         ("a = [" + "[1]," * 1000 + "]", False),
         ("a = '" + "[" * 100 + "'", False),
         ("# " + "{" * 100, False),
         ('a = """' + "[\n" * 100 + '"""', False),
-        ("a" + ".a" * (sources.MAX_NESTING - 1) + " = 1", False),
-        ("a" + ' . "a b"' * sources.MAX_NESTING + " = 1", True),
+        ("a" + ".a" * (problems.MAX_NESTING - 1) + " = 1", False),
+        ("a" + ' . "a b"' * problems.MAX_NESTING + " = 1", True),
         ("a = '" + "[" * 100, False),
     ],
 )
 def test_deep_nesting_is_found_before_parsing(text, is_deep):
-    assert (sources.find_deep_nesting(text) is not None) == is_deep
+    assert (problems.find_deep_nesting(text) is not None) == is_deep
 
 
 def test_a_key_ends_at_the_equals_sign():
-    assert sources.parse_key('a . "b=c".0 = 1') == (("a", "b=c", "0"), 12)
+    assert problems.parse_key('a . "b=c".0 = 1') == (("a", "b=c", "0"), 12)
     for text in ("", "a", "= 1", "a. = 1", '"a = 1', "a b = 1", '"\\q" = 1'):
         with pytest.raises(ValueError):  # noqa: PT011 - the caller words the message
-            sources.parse_key(text)
+            problems.parse_key(text)

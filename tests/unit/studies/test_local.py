@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-from multicor_cli.studies import task as local
-from multicor_cli.studies.task import LocalClient
+from multicor_cli.studies import clusters
+from multicor_cli.studies.clusters import LocalClient
 
 
 def task(name):
@@ -64,7 +64,7 @@ def test_who_leaves_stops_what_runs_and_begins_nothing_more(monkeypatch):
         done.append(given["name"])
         return {"status": "stopped"}
 
-    monkeypatch.setattr(local, "stop_cases", stopped.append)
+    monkeypatch.setattr(clusters, "stop_cases", stopped.append)
     with LocalClient(1) as client:
         first, second = (client.submit(wait, task(name), key=name) for name in ("first", "second"))
         assert began.wait(30.0)
