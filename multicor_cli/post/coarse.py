@@ -3,108 +3,99 @@
 A quantity A of the grains has the density Σ A_i φ(x − x_i), with a kernel φ whose integral is 1;
 what contacts carry is spread along their branches. Mass, momentum and stress made so obey the
 balances of continua exactly (Goldhirsch, Granular Matter 12, 239, 2010).
+
+The points that a source reaches are found strip by strip, those of a strip next to each other, and
+a sparse matrix of its weights there adds up what it carries.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.optional import library
 from multicor_cli.post import kernel
 from multicor_cli.post.lattice import Lattice
 
-_AT_ONCE = 8192  # pairs of a point and a source that stay in the cache
-_POINTS = 2048  # whose sources are looked for together
-_SQUARES = 6  # in which sources are sorted, per reach
-_MOST_SQUARES = 1000  # along x and along y, however short the kernel is
+_FINE = np.array([24.0, 6.0])  # cells of a strip, and strips, per reach
+_MOST = np.array([4000.0, 1000.0])  # however short the kernel is
+_SOURCES = 2048  # whose points are looked for together
+_TOGETHER = 1 << 18  # pairs of a point and a source whose weights are a matrix
+_AT_ONCE = 1 << 14  # pairs that stay in the cache
+_FLAT = 1e-100  # that stands for the rise of a line along x
 _NONE = slice(0)
 
 
-class _Near(NamedTuple):
-    """Some points ``(p,)``, and the sources near them, point after point ``(k,)``.
+class _Strips:
+    """Points sorted into strips along x and these into cells; strips without points are left out.
+
+    All lengths are in reaches.
 
     Attributes:
-        point: Numbers of the points, each of which has a source, shape ``(p,)``.
-        first: Number of the first source of each, shape ``(p,)``.
-        source: Numbers of the sources in the order of the squares, shape ``(k,)``.
-        away: From the source to the point [m], shape ``(2, k)``.
+        rank: Where each point stands in this order.
+        at: Where they are in this order, shape ``(2, m)``.
     """
 
-    point: NDArray[np.int64]
-    first: NDArray[np.int64]
-    source: NDArray[np.int64]
-    away: Floats
+    def __init__(self, points: Floats) -> None:
+        low, across = points.min(axis=0), np.ptp(points, axis=0)
+        size = np.maximum(1.0 / _FINE, across.max() / _MOST)
+        cell, strip = ((points - low) / size).astype(np.int64).T
+        (self._left, self._low), self._width = low.tolist(), float(size[0])
+        order = np.lexsort((cell, strip))
+        self.rank, self.at = np.argsort(order), points[order].T.copy()
+        is_first = np.diff(strip[order], prepend=-1) > 0
+        first = np.flatnonzero(is_first)
+        self._bottom = np.minimum.reduceat(self.at[1], first)
+        self._top = np.maximum.reduceat(self.at[1], first)
+        self._cells = int(cell.max()) + 1
+        key = (np.cumsum(is_first) - 1) * self._cells + cell[order]
+        number = np.bincount(key, minlength=first.size * self._cells)
+        self._before = np.append(0, np.cumsum(number))
 
-    def add(self, total: Floats, weight: Floats, values: Floats) -> None:
-        """Add values ``(q, n)`` of the sources to ``total`` ``(q, m)``, each with its weight."""
-        for sums, value in zip(total, values, strict=True):
-            sums[self.point] += np.add.reduceat(weight * value[self.source], self.first)
+    def are_near(self, places: Floats, far: float) -> NDArray[np.bool_]:
+        """Whether places ``(n, 2)`` may be so near to a point, by the ends of bands so high."""
+        x, band = self.at[0], ((self.at[1] - self._low) / far).astype(np.int64) + 2
+        ends = np.full((2, band.max() + 3), np.inf)
+        for end, ahead in zip(ends, (x, -x), strict=True):
+            np.minimum.at(end, band, ahead)
+        ends = np.minimum(np.minimum(ends[:, :-2], ends[:, 2:]), ends[:, 1:-1])  # of three bands
+        own = np.floor((places[:, 1] - self._low) / far) + 1.0
+        left, right = ends[:, np.clip(own, 0.0, ends.shape[1] - 1).astype(np.int64)]
+        return np.asarray((places[:, 0] > left - far) & (-places[:, 0] > right - far), np.bool_)
 
+    def reached(self, sources: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The first point that sources reach in a strip, and how many there, ``(n, strips)``.
 
-class _Squares:
-    """Sources sorted into squares, row by row; those that are far from all points are left out.
+        A source reaches to the distance 1 from a line. Where its rim is at some height is told by
+        the circle about a point t of the line: that straight across from the rim, or an end. Of a
+        strip, the height counts at which the rim is farthest on the side that is looked at.
 
-    Attributes:
-        order: Numbers of the sources in this order.
-    """
-
-    def __init__(self, points: Floats, at: Floats, reach: float) -> None:
-        """Sources ``at`` some places [m] that count up to a distance above 0 [m] from points."""
-        most = float(np.ptp(points, axis=0).max()) / _MOST_SQUARES
-        self._width = width = max(reach / _SQUARES, most)
-        self._reach, self._rim = reach / width, int(np.ceil(reach / width))
-        low = points.min(axis=0) - (self._rim + 1) * width
-        self._points, self._low = points, low
-        self._size = ((points.max(axis=0) - low) / width).astype(np.int64) + self._rim + 2
-        square = np.floor((at - low) / width).astype(np.int64)
-        near = np.flatnonzero(((square >= 0) & (square < self._size)).all(axis=1))
-        key = square[near, 1] * self._size[0] + square[near, 0]
-        self.order = near[np.argsort(key, kind="stable")]
-        self._at = at[self.order].T.copy()
-        self._before = np.append(0, np.cumsum(np.bincount(key, minlength=self._size.prod())))
-
-    def near(self) -> Iterator[_Near]:
-        """All sources within reach of the points, and some beyond, for some points at a time.
-
-        Of each row near a point those squares count that the circle about the point reaches there.
+        Args:
+            sources: Where the middle of the line is, its direction (upwards) and half its length,
+                shape ``(5, n)``.
         """
-        rows, count = np.arange(-self._rim, self._rim + 1), len(self._points)
-        for begin in range(0, count, _POINTS):
-            block = np.arange(begin, min(begin + _POINTS, count))
-            x, y = ((self._points[block] - self._low) / self._width).T[:, :, np.newaxis]
-            row = np.floor(y) + rows
-            beside = np.maximum(np.maximum(row - y, y - row - 1.0), 0.0)
-            chord = np.sqrt(np.maximum(self._reach**2 - beside**2, 0.0))
-            left = row.astype(np.int64) * self._size[0]
-            first = self._before[left + (x - chord).astype(np.int64)]
-            number = self._before[left + (x + chord).astype(np.int64) + 1] - first
-            own = number.sum(axis=1)
-            known = np.flatnonzero(own)
-            ends = np.cumsum(own[known])
-            cuts = np.searchsorted(ends, np.arange(_AT_ONCE, ends[-1:].sum(), _AT_ONCE))
-            for part in np.split(known, cuts):
-                if part.size:
-                    yield self._pairs(block[part], own[part], first[part], number[part])
-
-    def _pairs(
-        self,
-        point: NDArray[np.int64],
-        own: NDArray[np.int64],
-        first: NDArray[np.int64],
-        number: NDArray[np.int64],
-    ) -> _Near:
-        """Points with ``own`` sources: in each row ``number``, from ``first`` on, ``(p, rows)``."""
-        n = number.ravel()
-        source = np.repeat(first.ravel() - (np.cumsum(n) - n), n)
-        source += np.arange(source.size)
-        away = np.repeat(self._points[point].T, own, axis=1)
-        for way, at in zip(away, self._at, strict=True):
-            way -= at[source]
-        return _Near(point, np.cumsum(own) - own, source, away)
+        x, y, c, s, half = sources[:, :, np.newaxis]
+        lowest = np.searchsorted(self._top, y - (half * s + 1.0))
+        highest = np.searchsorted(self._bottom, y + (half * s + 1.0), "right")
+        strip = lowest + np.arange((highest - lowest).max(initial=0))
+        is_met = strip < highest
+        strip[~is_met] = 0
+        bottom, top = self._bottom[strip] - y, self._top[strip] - y
+        ends = []
+        for side in (-1.0, 1.0):
+            height = np.clip(side * np.copysign(half * s, c), bottom, top)
+            t = np.clip((height + side * c) / (s + _FLAT), -half, half)
+            chord = np.sqrt(np.maximum(1.0 - (height - t * s) ** 2, 0.0))
+            cell = np.floor((x + t * c + side * chord - self._left) / self._width) + (side > 0.0)
+            cell = np.clip(cell, 0.0, self._cells).astype(np.int64)
+            ends.append(self._before[strip * self._cells + cell])
+        number = np.where(is_met, ends[1] - ends[0], 0)
+        return ends[0], number
 
 
 class CoarseGrid:
@@ -113,7 +104,7 @@ class CoarseGrid:
     def __init__(self, points: Floats, reach: float, lattice: Lattice | None = None) -> None:
         """The ``reach`` c is at most the span of the lattice [m]."""
         self.reach, self.lattice = reach, lattice or Lattice()
-        self.points = self.lattice.wrapped(points)
+        self._strips = _Strips(self.lattice.wrapped(points) / reach)
 
     def of_grains(
         self, position: Floats, values: Floats, sloped: slice = _NONE
@@ -125,39 +116,118 @@ class CoarseGrid:
             values: What they carry, shape ``(n, q)``.
             sloped: Which s of the q gradients are wanted [per m³]; densities are per m².
         """
-        at, which = self._images(position, self.reach)
-        squares = _Squares(self.points, at, self.reach)
-        carried = values[which[squares.order]].T.copy()
-        density = np.zeros((len(carried), len(self.points)))
-        gradient = np.zeros((2, *density[sloped].shape))
-        for near in squares.near():
-            away = near.away / self.reach
-            depth = kernel.depth((away**2).sum(axis=0))
-            near.add(density, kernel.value(depth), carried)
+
+        def weigh(x: Floats, y: Floats, *_: Floats) -> list[Floats]:
+            depth = kernel.depth(x * x + y * y)
             slope = kernel.slope(depth)
-            for total, way in zip(gradient, away, strict=True):
-                near.add(total, slope * way, carried[sloped])
+            return [kernel.value(depth), slope * x, slope * y]
+
+        point = np.zeros_like(position)
+        density, *gradient = self._sums(position, point, [values, *[values[:, sloped]] * 2], weigh)
         height = kernel.height(self.reach)
-        return height * density.T, height / self.reach * gradient.T
+        return height * density, height / self.reach * np.stack(gradient, axis=-1)
 
     def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
         """Densities ``(m, q)`` [per m²] of what is spread evenly along branches, ``(b, q)``."""
-        half = 0.5 * branch
-        reach = self.reach + float(np.hypot(*half.T).max(initial=0.0))
-        at, which = self._images(start + half, reach)
-        squares = _Squares(self.points, at, reach)
-        which = which[squares.order]
-        total, carried = np.zeros((values.shape[1], len(self.points))), values[which].T.copy()
-        ahead, length = kernel.directions(half[which] / self.reach)
-        c, s = ahead.T.copy()
-        for near in squares.near():
-            (x, y), cos, sin = near.away / self.reach, c[near.source], s[near.source]
-            mean = kernel.mean_along(x * cos + y * sin, y * cos - x * sin, length[near.source])
-            near.add(total, mean, carried)
-        return kernel.height(self.reach) * total.T
 
-    def _images(self, position: Floats, reach: float) -> tuple[Floats, NDArray[np.int64]]:
-        """Positions of sources, of those images of them that reach inside; which these are."""
-        position = self.lattice.wrapped(position)
-        which, shift = self.lattice.images(position, np.full(len(position), reach))
-        return position[which] + shift, which
+        def weigh(x: Floats, y: Floats, c: Floats, s: Floats, half: Floats) -> list[Floats]:
+            return [kernel.mean_along(x * c + y * s, y * c - x * s, half)]
+
+        half = 0.5 * branch
+        (density,) = self._sums(start + half, half, [values], weigh)
+        return kernel.height(self.reach) * density
+
+    def _sums(
+        self,
+        middle: Floats,
+        half: Floats,
+        values: Sequence[Floats],
+        weigh: Callable[..., list[Floats]],
+    ) -> list[Floats]:
+        """Sums at the points of each of some values of lines times their own weights, ``(m, q)``.
+
+        Weights ``(k,)`` are made of where points lie from the middles of lines, and of the
+        directions and half lengths of these.
+        """
+        sources, which = self._sources(middle, half)
+        values = [value[which] for value in values]
+        rank = self._strips.rank
+        total = [np.zeros((rank.size, value.shape[1])) for value in values]
+        for begin in range(0, which.size, _SOURCES):
+            some = slice(begin, begin + _SOURCES)
+            lines = sources[:, some]
+            first, number = self._strips.reached(lines)
+            for part, _ in _parts(number.sum(axis=1), _TOGETHER):
+                found = self._weights(lines[:, part], first[part], number[part], weigh)
+                _add_up(total, *found, [value[some][part] for value in values])
+        return [sums[rank] for sums in total]
+
+    def _weights(
+        self,
+        lines: Floats,
+        first: NDArray[np.int64],
+        number: NDArray[np.int64],
+        weigh: Callable[..., list[Floats]],
+    ) -> tuple[list[Floats], NDArray[np.int32], NDArray[np.int64]]:
+        """Weights of lines at the points that they reach ``(k,)``, these, and how many of each."""
+        n, own = number.ravel(), number.sum(axis=1)
+        point = np.repeat((first.ravel() - (np.cumsum(n) - n)).astype(np.int32), n)
+        point += np.arange(point.size, dtype=np.int32)
+        blocks = []
+        for part, pairs in _parts(own, _AT_ONCE):
+            x, y, *line = (np.repeat(row[part], own[part]) for row in lines)
+            reached = point[pairs].astype(np.intp)
+            for way, at in zip((x, y), self._strips.at, strict=True):
+                np.subtract(at.take(reached), way, out=way)
+            blocks.append(weigh(x, y, *line))
+        return [np.concatenate(block) for block in zip(*blocks, strict=True)], point, own
+
+    def _sources(self, middle: Floats, half: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Lines and their images near points, the lowest first, as `_Strips.reached`; which."""
+        middle = self.lattice.wrapped(middle)
+        far = self.reach + float(np.hypot(*half.T).max(initial=0.0))
+        which, shift = self.lattice.images(middle, np.full(len(middle), far))
+        at = (middle[which] + shift) / self.reach
+        near = np.flatnonzero(self._strips.are_near(at, far / self.reach))
+        order = near[np.argsort(at[near, 1])]
+        which = which[order]
+        ahead, length = kernel.directions(half[which] / self.reach)
+        ahead[ahead[:, 1] < 0.0] *= -1.0
+        return np.column_stack([at[order], ahead, length]).T.copy(), which
+
+
+def _parts(own: NDArray[np.int64], most: int) -> Iterator[tuple[slice, slice]]:
+    """Some sources with ``own`` points each, and their pairs with these: about ``most`` pairs."""
+    ends = np.cumsum(own)
+    cuts = np.flatnonzero(np.diff(np.maximum(ends - 1, 0) // most)) + 1
+    for begin, end in pairwise([0, *cuts.tolist(), own.size]):
+        yield slice(begin, end), slice(int(ends[begin] - own[begin]), int(ends[end - 1]))
+
+
+def _add_up(
+    total: Sequence[Floats],
+    weights: Sequence[Floats],
+    point: NDArray[np.int32],
+    own: NDArray[np.int64],
+    values: Sequence[Floats],
+) -> None:
+    """Add to sums at points ``(m, q)`` values of sources ``(n, q)`` times their weights there.
+
+    Without SciPy sums differ by rounding alone.
+    """
+    if not point.size:
+        return
+    low, count = point.min(), int(np.ptp(point)) + 1
+    point -= low
+    if find_spec("scipy") is None:
+        for sums, weight, value in zip(total, weights, values, strict=True):
+            for k, column in enumerate(value.T):
+                found = np.bincount(point, weight * np.repeat(column, own), count)
+                sums[low : low + count, k] += found
+        return
+    before = np.append(0, np.cumsum(own)).astype(np.int32)
+    columns = (weights[0], point, before)
+    matrix = library("scipy.sparse").csc_array(columns, shape=(count, own.size))
+    for sums, weight, value in zip(total, weights, values, strict=True):
+        matrix.data = weight
+        sums[low : low + count] += matrix @ value

@@ -58,26 +58,31 @@ def mean_along(along: Floats, across: Floats, half: Floats) -> Floats:
     """
     w = across * across
     rim = np.sqrt(np.maximum(1.0 - w, 0.0))
-    first, first_log = _primitive(np.clip(along - half, -rim, rim), w)
-    last, last_log = _primitive(np.clip(along + half, -rim, rim), w)
-    last -= first
-    last_log /= first_log
-    np.log(last_log, out=last_log)
-    last_log *= 3.0 * w * w
-    last += last_log
-    last *= 0.5 / half
-    return last
-
-
-def _primitive(s: Floats, w: Floats) -> tuple[Floats, Floats]:
-    """The primitive but for its logarithm, and what that is taken of; see `mean_along`."""
+    s = np.empty((2, *rim.shape))  # of both ends
+    np.subtract(along, half, out=s[0])
+    np.add(along, half, out=s[1])
+    np.minimum(s, rim, out=s)
+    np.maximum(s, np.negative(rim, out=rim), out=s)
     square = s * s
-    q = np.sqrt(square + w)
+    q = square + w
+    np.sqrt(q, out=q)
     log = q + s
     log += np.finfo(float).tiny  # only where w² vanishes
-    q *= 2.0 * square + 5.0 * w
+    first, last = log
+    last /= first
+    ln = np.log(last)
+    ln *= 3.0 * w * w
+    term = np.multiply(2.0, square, out=log)
+    term += 5.0 * w
+    q *= term
+    np.multiply(0.6, square, out=term)
+    term += 2.0 + 2.0 * w
+    term *= square
+    q -= term
     q += 1.0 - 3.0 * w * (2.0 + w)
-    square *= 2.0 + 2.0 * w + 0.6 * square
-    q -= square
     q *= s
-    return q, log
+    first, last = q
+    last -= first
+    last += ln
+    last *= 0.5 / half
+    return np.asarray(last)
