@@ -77,7 +77,7 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["avalanches", "--of", "kinetic", "--plot", "drops.png"], 10.0),
     (["structure", "--voronoi", "--frames", ":", "--plot", "cells.png"], 15.0),
     (["correlation", "--frames", ":", "--plot", "correlation.png"], 15.0),
-    (["fields", "--frames", ":", "--plot", "fields.png"], 100.0),
+    (["fields", "--frames", ":", "--plot", "fields.png"], 36.0),
     (["energy", "--plot", "energy.png"], 10.0),
     (["compare", "DIR"], 10.0),
 ]
