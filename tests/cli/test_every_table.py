@@ -445,7 +445,7 @@ def refusal(of, name):
     if name.startswith("diffusion") and not (of.is_periodic and all(of.bounds)):
         return "diffusion needs a mean flow that depends on the height alone"
     if name.startswith("conductivity") and not all(of.bounds):
-        return "conductivity needs a wall below and a wall above the grains, or a cell"
+        return "conductivity needs a wall below and a wall above the grains, walls on their left"
     if name == "conductivity":
         return "have no different temperatures in these frames"
     if of.kind == "no walls" and name in WITHOUT_WALLS:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cells import square_of_discs
-from layers import layer, sliding
+from layers import layer, sliding, with_ways
 from made_up_groups import dropped, mixed, stayed
 
 from multicor_cli import post
@@ -97,6 +97,7 @@ def test_charts(column, drawn):
         post.conductivity(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
         post.layer_conductivity(layer(), ALL),
         post.layer_flow(layer(), ALL),
+        post.layer_flow(with_ways(layer(), [1.0, 2.0, 0.5, -0.2]), ALL),
         post.wall_heat(layer(), ALL),
         post.heat_network(layer()),
         post.hot_spots(sliding([[(0, 1, 1.0, 0.5, 0.1 * u) for u in range(9)]] * 3), ALL, 310.0),
