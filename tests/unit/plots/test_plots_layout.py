@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cells import square_of_discs
 from layers import layer, sliding, with_ways
-from made_up_groups import dropped, mixed, stayed
+from made_up_groups import dropped, mixed, parted, stayed
 
 from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
@@ -113,6 +113,8 @@ def test_charts(column, drawn):
         factor,
         pairs.with_(factor=factor),
         mixed(),
+        parted(),
+        parted(of="size", frames=1),
         stayed(),
         dropped(),
         dropped(power_law=True),
