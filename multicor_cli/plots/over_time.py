@@ -520,7 +520,11 @@ FIGURES = {
     CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
     Conductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_conductivity, conductivity_text),
     LayerConductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_layer, layer_text),
-    LayerFlow: Renderer(lambda _: (PAGE, 0.72 * PAGE), draw_layer_flow, layer_flow_text),
+    LayerFlow: Renderer(
+        lambda table: (PAGE, PAGE * (0.72 if "share_contacts" in table.values else 0.52)),
+        draw_layer_flow,
+        layer_flow_text,
+    ),
     WallHeatTable: Renderer(lambda _: (PAGE, 0.72 * PAGE), draw_wall_heat, wall_heat_text),
     MeanHeat: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_mean_heat, mean_heat_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),

@@ -30,6 +30,7 @@ WAYS = ("contacts", "gas", "radiation", "motion")
 """What carries heat."""
 
 SHARES = tuple(Quantity(f"share_{way}", f"share of {way}") for way in WAYS)
+"""What each has of the flux."""
 
 _MEASURED = (
     Quantity("along", "heat flow along the gradient, over it", r"K_\parallel", "W/K"),
