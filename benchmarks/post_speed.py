@@ -74,6 +74,7 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 10.0),
     (["structure", "--frames", ":", "--plot", "structure.png"], 10.0),
     (["mixing", "--plot", "mixing.png"], 10.0),
+    (["mixing", "--profile", "share", "--plot", "segregation.png"], 10.0),
     (["avalanches", "--of", "kinetic", "--plot", "drops.png"], 10.0),
     (["structure", "--voronoi", "--frames", ":", "--plot", "cells.png"], 15.0),
     (["correlation", "--frames", ":", "--plot", "correlation.png"], 15.0),

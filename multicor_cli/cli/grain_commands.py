@@ -12,6 +12,7 @@ from multicor_cli.cli import options
 from multicor_cli.cli.options import RunPath, option
 from multicor_cli.cli.post_output import (
     Between,
+    Bins,
     End,
     Frames,
     Margin,
@@ -174,9 +175,17 @@ def correlation(
 # ---- Commands `post mixing`, `post residence`, `post avalanches`: groups, stays, sudden drops
 
 _IN_CELL = "Grains in a cell; the index depends on it."
-CellGrains = Annotated[float, option("--cell N", _IN_CELL)]
+CellGrains = Annotated[float | None, option("--cell N", _IN_CELL, "10")]
 _MIXED = "Groups that count, in this order; several times for several."
 MixedGroups = Annotated[list[str] | None, option("--group NAME", _MIXED, "all")]
+
+
+_OVER_HEIGHT = (
+    "Show profiles over the height against time instead: share of the first group, or mean size."
+)
+OverHeight = Annotated[str | None, option("--profile share|size", _OVER_HEIGHT)]
+_TIMES = "Number of times of the profiles: frames are averaged in as many parts."
+Times = Annotated[int | None, option("--times N", _TIMES, "one per four frames, at most 40", min=1)]
 
 
 def chosen_of_all(start: float | None, end: float | None, frames: str | None) -> Selection:
@@ -188,23 +197,43 @@ def chosen_of_all(start: float | None, end: float | None, frames: str | None) ->
 
 def mixing(
     directory: RunPath,
-    cell: CellGrains = 10.0,
+    cell: CellGrains = None,
     groups: MixedGroups = None,
+    over_height: OverHeight = None,
+    times: Times = None,
+    bins: Bins = None,
+    between: Between = None,
     start: SeriesStart = None,
     end: End = None,
     frames: Frames = None,
 ) -> Shown:
     """Measure over time how well groups of grains are mixed: Lacey's index, 0 where they are apart
-    and 1 where chance places them; and how far their mean heights are apart.
+    and 1 where chance places them; and how far their mean heights are apart. With --profile where
+    they lie: the share of the first group, or the mean size, over the height and time.
 
     Cells hold equal numbers of grains. The separation is 1 with the first group on top, -1 below.
-    Concentrations over the height are profiles: post profile --of solid-fraction --group NAME.
     """
     from multicor_cli import post
 
     chosen = chosen_of_all(start, end, frames)
+    if over_height is None:
+        given = {"--times": times, "--bins": bins, "--between": between}
+        for name, value in given.items():
+            if value is not None:
+                raise typer.BadParameter(f"{name} needs --profile", param_hint=name)
+    elif cell is not None:
+        raise typer.BadParameter("--cell excludes --profile", param_hint="--cell")
     with store.open_run(directory) as run:
-        table = post.mixing(run, chosen, cell=cell, groups=groups or ())
+        if over_height is not None:
+            of: Any = over_height
+            found = post.segregation(
+                run, chosen, of, groups=groups or (), bins=bins, between=between, times=times
+            )
+            told = f"{found.time.size} times, {found.y.size} bins of {found.bin_width:.4g} m"
+            about = f"{_span(found.frames.size, 'frame', found.times)}, in {told}"
+            return Shown(found, about, directory)
+        size = {} if cell is None else {"cell": cell}
+        table = post.mixing(run, chosen, groups=groups or (), **size)
     about = _span(table.frames.size, "frame", table.times)
     about += f", {table.cells:.4g} cells of {table.cell_grains:.3g} grains; by chance M is 1 ± "
     return Shown(table, f"{about}{table.random_scatter:.2g} in a frame", directory)

@@ -44,11 +44,12 @@ def conductivity(
     """Measure how a cell, or a layer between two walls, conducts heat: means with errors; over time
     as CSV, JSON and figure.
 
-    In a cell with heat.gradient, or between walls of different temperature, that is what has flowed
-    between frames; a packing must be steady for it to be a conductivity. With --network, and in a
-    cell without gradient, steady temperatures are found at once, in the contacts of each frame as
-    they are: gas and radiation do not count then. That needs scipy. K is the conductance of a
-    square, k is K over the thickness of discs.
+    In a cell with heat.gradient, or between walls of different temperature (below and above, or on
+    the left and on the right), that is what has flowed between frames, with the shares of contacts,
+    gas, radiation and motion; a packing must be steady for it to be a conductivity. With --network,
+    and in a cell without gradient, steady temperatures are found at once, in the contacts of each
+    frame as they are: gas and radiation do not count then. That needs scipy. K is the conductance
+    of a square, k is K over the thickness of discs.
     """
     from multicor_cli import post
 

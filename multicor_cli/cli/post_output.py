@@ -30,7 +30,7 @@ _FRAMES = "Frames instead of times, as in Python: -10: are the last ten."
 Frames = Annotated[str | None, option("--frames A:B[:STEP]", _FRAMES, False)]
 OneFrame = Annotated[int, option("--frame K", "Number of the frame; -1 is the last one.")]
 Bins = Annotated[int | None, option("--bins", "Number of bins.", "one per mean diameter", min=1)]
-_WALLS = "Names of the walls below and above."
+_WALLS = "Names of the walls below and above; for conductivity also on the left and right."
 Between = Annotated[
     tuple[str, str] | None, option("--between LOWER UPPER", _WALLS, "those that bound the grains")
 ]

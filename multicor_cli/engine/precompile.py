@@ -73,7 +73,7 @@ from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal
 from multicor_cli.model.state import State
 
 _NOBODY = np.empty(0, np.int32)
-_NO_ROWS, _NOWHERE = np.zeros(2, np.int64), np.empty(0)
+_NO_ROWS = np.zeros(2, np.int64)
 
 
 def precompile() -> None:
@@ -91,7 +91,8 @@ def precompile() -> None:
     system = _without_contacts()
     memory, momentum = start_loop(0), start_momentum(system)
     iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty(1))
-    moved = Moved(scene, contacts, bodies, _NOBODY, _NOBODY, _NOBODY, _NOBODY, _NOWHERE)
+    strayed = np.zeros((1, 2))
+    moved = Moved(scene, contacts, bodies, _NOBODY, _NOBODY, _NOBODY, _NOBODY, strayed)
     _heat(model, state, moved)
     _finish(model, state, moved)
     _prepare(model, scene, contacts, bodies)

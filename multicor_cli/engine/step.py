@@ -510,10 +510,8 @@ class Engine:
         loaded = state.contact_i, state.contact_j
         struck = _NOBODY if step.flight is None else step.flight.struck
         began = state.position[struck]
-        strayed = gradient = _NONE
-        if self.model.is_cell:
-            gradient = state.wall_velocity[0]
-            strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
+        gradient = state.wall_velocity[0] if self.model.is_cell else _NONE
+        strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
         expansion_work = 0.0
         if step.growth.size:
             state.radius[:], state.velocity[:, SPIN] = grains.radius, step.spin
@@ -532,6 +530,8 @@ class Engine:
                 way[:, :2] -= 0.25 * dt * mean_flow(half_way, gradient + after[n, :3])
                 strayed[struck] = way[:, :2]
             state.nonaffine += strayed
+        elif struck.size:
+            strayed[struck] = (state.position[struck] - began)[:, :2]
         if not math.isfinite(kinetic):
             self._refuse_state()
         wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])

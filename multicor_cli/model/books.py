@@ -18,14 +18,15 @@ Dim = Literal[
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
-    "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "expansion_grain",
+    "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "flux_book", "expansion_grain",
     "expansion_book",
     "book", "tally", "window",
 ]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
 ``k``. Those that begin with ``heat`` are 0 in states of runs without heat, those that begin with
 ``exchange`` where no grain comes or goes, with ``cell`` where there are walls, with ``gradient``
-without a mean gradient of temperature, and with ``expansion`` where no grain expands."""
+without a mean gradient of temperature, with ``flux`` in cells and without heat, and with
+``expansion`` where no grain expands."""
 
 Shape = tuple[Dim | int, ...]
 """Named lengths and numbers."""
@@ -48,14 +49,15 @@ Feature = Literal[
     "range",
     "cell",
     "gradient",
+    "flux",
     "flash",
     "expansion",
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
 motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean
-gradient of temperature in it, friction that weakens by flash heating, and grains that expand, or
-shrink as they wear."""
+gradient of temperature in it, heat that flows between walls, friction that weakens by flash
+heating, and grains that expand, or shrink as they wear."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
@@ -298,20 +300,32 @@ GROWTH_BOOKS = (
 """Books of grains that expand or shrink, in the order of `State.growth_books`; else empty."""
 
 
+_WAYS = {
+    "contacts": "conducted by contacts",
+    "gas": "conducted by the gas in the gaps",
+    "radiation": "radiated between neighbors",
+}
+
+
 def _heat_along(axis: str) -> tuple[Entry, ...]:
     """Heat that has passed along an axis, per length of the plane across it, by what carried it."""
-    ways = {
-        "contacts": "conducted by contacts",
-        "gas": "conducted by the gas in the gaps",
-        "radiation": "radiated between neighbors",
-        "motion": "carried by grains beside the mean flow",
-    }
     return tuple(
         _entry(
             f"{name}_{axis}", f"heat {what} along {axis} since the start, per length of the plane",
             "J/m", f"heat_by_{name}_{axis}", since=(1, 9),
         )
-        for name, what in ways.items()
+        for name, what in {**_WAYS, "motion": "carried by grains beside the mean flow"}.items()
+    )  # fmt: skip
+
+
+def _heat_way(axis: str) -> tuple[Entry, ...]:
+    """Heat times how far it has gone along an axis, by what carried it."""
+    return tuple(
+        _entry(
+            f"{name}_{axis}", f"heat {what} since the start, times its way along {axis}",
+            "J m", f"heat_way_by_{name}_{axis}", since=(1, 11),
+        )
+        for name, what in {**_WAYS, "motion": "carried by grains that move"}.items()
     )  # fmt: skip
 
 
@@ -325,6 +339,9 @@ GRADIENT_BOOKS = (
 )  # fmt: skip
 """Books of a cell with a mean gradient of temperature, in the order of `State.gradient_books`."""
 
+FLUX_BOOKS = (*_heat_way("x"), *_heat_way("y"))
+"""What has carried heat between walls, in the order of `State.flux_books`; empty in cells."""
+
 
 NUMBERS = {
     "books": BOOKS,
@@ -334,6 +351,7 @@ NUMBERS = {
     "exchange": EXCHANGE_BOOKS,
     "adhesion_books": ADHESION_BOOKS,
     "gradient_books": GRADIENT_BOOKS,
+    "flux_books": FLUX_BOOKS,
     "growth_books": GROWTH_BOOKS,
 }
 """The tables of the numbers, by the array of `State` that holds them."""

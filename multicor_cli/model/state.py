@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.books import (
     ADHESION_BOOKS,
     EXCHANGE_BOOKS,
+    FLUX_BOOKS,
     GRADIENT_BOOKS,
     GROWTH_BOOKS,
     HEAT_BOOKS,
@@ -204,6 +205,11 @@ class State:
         "books of the mean gradient of temperature, in the order of model.GRADIENT_BOOKS",
         since=(1, 9))  # fmt: skip
 
+    # What follows is empty in cells, and without heat.
+    flux_books: Floats = _array(("flux_book",), "J m",
+        "heat times its way since the start, in the order of model.FLUX_BOOKS",
+        since=(1, 11))  # fmt: skip
+
     # What follows is empty unless grains expand, or shrink as they wear.
     radius: Floats = _array(("expansion_grain",), "m", "radius of the grains", since=(1, 10))
     growth_books: Floats = _array(
@@ -310,6 +316,7 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
         "expansion_grain": n if model.expansion.size else 0,
         "expansion_book": len(GROWTH_BOOKS) if model.expansion.size else 0,
         "gradient_book": len(GRADIENT_BOOKS) if any(model.heat_gradient) else 0,
+        "flux_book": len(FLUX_BOOKS) if is_heated and not model.is_cell else 0,
     }
     return {
         name: _shape(about.dims, lengths)

@@ -1,4 +1,4 @@
-"""Figures of how groups of grains mix over time."""
+"""Figures of how groups of grains mix over time, and of where they lie."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ from multicor_cli.plots.style import (
     Renderer,
     Terminal,
     TextLine,
+    axis_label,
+    color_map,
     draw_text,
     legend_above,
 )
 from multicor_cli.post.mixing import Mixing
+from multicor_cli.post.segregation import Segregation
+from multicor_cli.text import unit_sign
 
 _INDEX = "mixing index $M$ [–]"
 
@@ -54,10 +58,41 @@ def mixing_text(table: Mixing, _terminal: Terminal) -> str:
     )
 
 
+def draw_segregation(figure: Any, table: Segregation) -> None:
+    """Draw a share from 0 to 1, or a mean diameter, in colors: time across, height upwards."""
+    axes, quantity, known = figure.subplots(), table.quantity, np.isfinite(table.value)
+    time, y = table.time_edges, table.y_edges
+    if time[0] == time[-1]:  # one frame has a column of some width
+        time = time[0] + np.linspace(-0.5, 0.5, time.size)
+        axes.set_xticks([time.mean()], [f"{table.times[0]:.4g}"])
+    style: dict[str, Any] = {"vmin": 0.0, "vmax": 1.0}
+    if not table.group and known.any():
+        style = {"vmin": np.nanmin(table.value), "vmax": np.nanmax(table.value)}
+    mesh = axes.pcolormesh(
+        time, y, np.ma.masked_invalid(table.value.T), rasterized=True,
+        cmap=color_map("viridis"), **style,
+    )  # fmt: skip
+    bar = figure.colorbar(mesh, ax=axes)
+    bar.set_label(axis_label(table.label, quantity.symbol, quantity.unit))
+    axes.set_xlabel("time $t$ [s]")
+    axes.set_ylabel("height $y$ [m]")
+    for axis in (axes, bar.ax):
+        axis.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+
+
+def segregation_text(table: Segregation, _terminal: Terminal) -> str:
+    """The profiles of the first and of the last time."""
+    ends = {"first": table.value[0], "last": table.value[-1]}
+    lines = [TextLine(name, table.y, values) for name, values in ends.items()]
+    label = f"{table.label} [{unit_sign(table.quantity.unit)}]"
+    return draw_text(lines[: table.time.size], "height y [m]", label)
+
+
 FIGURES = {
     Mixing: Renderer(
         lambda table: (COLUMN, COLUMN * (1.2 if len(table.values) > 1 else 0.75)),
         draw_mixing,
         mixing_text,
-    )
+    ),
+    Segregation: Renderer(lambda _: (1.3 * COLUMN, COLUMN), draw_segregation, segregation_text),
 }

@@ -26,7 +26,7 @@ from multicor_cli.post.conductivity import Conductivity
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
 from multicor_cli.post.layer_conductivity import LayerConductivity, LayerFlow
-from multicor_cli.post.mean_heat import MeanHeat
+from multicor_cli.post.mean_heat import WAYS, MeanHeat
 from multicor_cli.post.region import RegionTable
 from multicor_cli.post.rheology import Rheology
 from multicor_cli.post.table import TimeTable
@@ -390,6 +390,8 @@ _OF_LAYER_FLOW: Panels = (
     ("of a square $K$ [W/K]", (("flow_square", ""),)),
     ("stored over through [–]", (("unsteadiness", ""),)),
 )
+_SHARES = ("share [–]", tuple((f"share_{way}", way) for way in WAYS))
+_OF_WAYS: Panels = (("from wall to wall $G$ [W/K]", (("flow_conductance", ""),)), _SHARES)
 
 
 def draw_layer(figure: Any, table: LayerConductivity) -> None:
@@ -406,9 +408,19 @@ def layer_text(table: LayerConductivity, _terminal: Terminal) -> str:
     )
 
 
+def _limit_shares(panel: Any) -> None:
+    """Where next to nothing passes in an interval, its shares may have any size: cut these off."""
+    low, high = panel.get_ylim()
+    panel.set_ylim(max(low, -0.5), min(high, 1.5))
+
+
 def draw_layer_flow(figure: Any, table: LayerFlow) -> None:
     """Draw the panels of what flows through a layer into a matplotlib figure."""
-    draw_panels(figure, figure.subplots(2, 2, sharex=True), table, _OF_LAYER_FLOW)
+    panels = [*_OF_LAYER_FLOW, *(_OF_WAYS if "share_contacts" in table.values else ())]
+    grid = figure.subplots(len(panels) // 2, 2, sharex=True)
+    draw_panels(figure, grid, table, panels)
+    if _SHARES in panels:
+        _limit_shares(grid[-1, 1])
 
 
 def layer_flow_text(table: LayerFlow, _terminal: Terminal) -> str:
@@ -468,10 +480,7 @@ _OF_FLUX: Panels = (
         "of a square $K$ [W/K]",
         (("along", r"along $G$"), ("across", r"across $G$")),
     ),
-    (
-        "share [–]",
-        tuple((f"share_{way}", way) for way in ("contacts", "gas", "radiation", "motion")),
-    ),
+    _SHARES,
     (
         "diffusivity [m²/s]",
         (("diffusivity", r"$\alpha$"), ("mixing", r"$D_T$"), ("self_diffusion", "$D$")),
@@ -482,7 +491,9 @@ _OF_FLUX: Panels = (
 
 def draw_mean_heat(figure: Any, table: MeanHeat) -> None:
     """Draw the panels into a matplotlib figure."""
-    draw_panels(figure, figure.subplots(2, 2, sharex=True), table, _OF_FLUX)
+    grid = figure.subplots(2, 2, sharex=True)
+    draw_panels(figure, grid, table, _OF_FLUX)
+    _limit_shares(grid[0, 1])
 
 
 def mean_heat_text(table: MeanHeat, _terminal: Terminal) -> str:
@@ -509,7 +520,11 @@ FIGURES = {
     CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
     Conductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_conductivity, conductivity_text),
     LayerConductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_layer, layer_text),
-    LayerFlow: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_layer_flow, layer_flow_text),
+    LayerFlow: Renderer(
+        lambda table: (PAGE, PAGE * (0.72 if "share_contacts" in table.values else 0.52)),
+        draw_layer_flow,
+        layer_flow_text,
+    ),
     WallHeatTable: Renderer(lambda _: (PAGE, 0.72 * PAGE), draw_wall_heat, wall_heat_text),
     MeanHeat: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_mean_heat, mean_heat_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),

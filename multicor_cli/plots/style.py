@@ -438,6 +438,7 @@ _DRAWN_IN = {
     **dict.fromkeys(("fabric", "chains", "chain_lengths", "clusters", "lifetimes"), "texture"),
     **dict.fromkeys(("correlation", "structure_factor", "voronoi"), "structure"),
     "mobilization": "forces",
+    "segregation": "mixing",
 }
 """Modules that draw tables of several others."""
 

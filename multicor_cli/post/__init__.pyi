@@ -71,6 +71,8 @@ from .residence import Residence as Residence
 from .residence import residence as residence
 from .rheology import Rheology as Rheology
 from .rheology import rheology as rheology
+from .segregation import Segregation as Segregation
+from .segregation import segregation as segregation
 from .source import PostError as PostError
 from .source import Selection as Selection
 from .source import frame_index as frame_index

@@ -220,7 +220,10 @@ def _named_walls(
     for frame in frames:
         at = levels + np.asarray(frame.wall_position)[:, 1]
         if not at[0, lower] < at[1, upper]:
-            raise PostError(f"the wall '{between[0]}' is not below '{between[1]}'")
+            raise PostError(
+                f"the wall '{between[0]}' is not below '{between[1]}' (or left of it, where they "
+                "stand upright): name them the other way"
+            )
     return lower, upper
 
 

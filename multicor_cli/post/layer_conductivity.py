@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.columns import GIVEN
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Between, Extent, find_extent, heights
+from multicor_cli.post.bins import Between, Extent, find_extent, heights, wall_spans
 from multicor_cli.post.conductivity import Network, thickness_of
 from multicor_cli.post.contacts import (
     NOTHING_CONDUCTS,
@@ -22,8 +22,9 @@ from multicor_cli.post.contacts import (
     with_conduction,
 )
 from multicor_cli.post.materials import left_out, solid_conductivity
+from multicor_cli.post.mean_heat import SHARES, WAYS
 from multicor_cli.post.rheology import Band, find_band
-from multicor_cli.post.rheology_sums import average_ratios
+from multicor_cli.post.rheology_sums import average_ratios, sums_between
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -38,22 +39,50 @@ from multicor_cli.post.source import (
 )
 from multicor_cli.post.sums import plane_width
 from multicor_cli.post.table import Quantity, TimeTable
+from multicor_cli.post.turned import turned
 
 
-def find_walls(
-    source: Run, chosen: NDArray[np.int64], between: Between | None
-) -> tuple[Extent, tuple[int, int]]:
-    """The layer between two walls, and these walls; raises `PostError` if there are no two."""
+class _Layer(NamedTuple):
+    """A layer between two walls: the run (turned, if they stand upright), and which they are.
+
+    ``axis`` is "y", or "x" of walls that stand upright.
+    """
+
+    source: Run
+    axis: str
+    extent: Extent
+    walls: tuple[int, int]
+
+
+def _find_layer(source: Run, chosen: NDArray[np.int64], between: Between | None) -> _Layer:
+    """The layer between two walls, one below and one above it, or on its left and on its right.
+
+    Walls that stand upright are taken if they are named, or if none bound the grains below and
+    above. Raises `PostError` if there are no two.
+    """
     if source.model.thermal is None:
         need_heat(None)
     need_grains(source, chosen)
-    extent = find_extent(source, chosen, between)
-    if extent.lower is None or extent.upper is None:
-        raise PostError(
-            "conductivity needs a wall below and a wall above the grains, or a cell that is "
-            "periodic in x and y: name the walls with --between"
-        )
-    return extent, (extent.lower, extent.upper)
+    ways = {"y": source}
+    if not source.model.period > 0.0:
+        ways["x"] = turned(source)
+        if between is not None and _are_upright(source.model, ways["x"].model, between):
+            del ways["y"]
+    for axis, each in ways.items():
+        extent = find_extent(each, chosen, between)
+        if extent.lower is not None and extent.upper is not None:
+            return _Layer(each, axis, extent, (extent.lower, extent.upper))
+    raise PostError(
+        "conductivity needs a wall below and a wall above the grains, walls on their left and "
+        "right, or a cell that is periodic in x and y: name the walls with --between"
+    )
+
+
+def _are_upright(model: Model, on_side: Model, between: Between) -> bool:
+    """Whether two walls are there from which heights can be measured only ``on_side``."""
+    names, low, beside = model.walls.names, wall_spans(model)[0], wall_spans(on_side)[0]
+    stands = np.isfinite(beside) & ~np.isfinite(low)
+    return all(name in names and stands[names.index(name)] for name in between)
 
 
 def _scales(source: Run, prefix: str) -> dict[str, float]:
@@ -142,7 +171,7 @@ def layer_conductivity(
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
-    extent, walls = find_walls(source, chosen, between)
+    source, _, extent, walls = _find_layer(source, chosen, between)
     counted = with_conduction(source, chosen)
     band = find_band(source.model, extent, margin)
     rows = [
@@ -222,10 +251,11 @@ FLOW_QUANTITIES = (
     Quantity("flow_square", "conductance of a square K", "K", "W/K"),
     Quantity("flow_conductivity", "conductivity k", "k", "W/(m K)"),
     Quantity("flow_over_solid", "k over that of the grains", r"k/k_\mathrm{s}"),
+    *SHARES,
 )
 """What `layer_flow` measures, in the order of the table."""
 
-_SUMS = ("lapse", "given", "taken", "difference", "shape")
+_SUMS = ("lapse", "given", "taken", "difference", "shape", *WAYS)
 
 
 class LayerFlow(TimeTable):
@@ -235,7 +265,10 @@ class LayerFlow(TimeTable):
     contacts, gas and radiation alike; the heat of friction that goes into the walls is no part of
     it. What stays is their difference: heat that the grains store, or that comes from friction or
     goes elsewhere. Only where it is small against Q is G = Q/ΔT the conductance of a steady state.
-    K = G H/W, k = K/h as in `LayerConductivity`.
+    K = G H/W, k = K/h as in `LayerConductivity`. Shares are parts of the flux in the layer, from
+    heat times its way from wall to wall, as in `multicor_cli.post.mean_heat.MeanHeat`: of contacts,
+    the gas in the gaps, radiation between neighbors and with walls, and grains that move. They are
+    known from file format 1.11 on.
 
     Attributes:
         time: Ends of the intervals [s], shape ``(r,)``.
@@ -271,7 +304,7 @@ def layer_flow(
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
-    extent, walls = find_walls(source, chosen, between)
+    source, axis, extent, walls = _find_layer(source, chosen, between)
     names = source.model.walls.names
     if chosen.size < 2:
         raise PostError(
@@ -294,9 +327,10 @@ def layer_flow(
         walls, hot = walls[::-1], hot[:, [1, 0, 3, 2, 4, 5]]
     times, scales = np.asarray(source.frames.time, np.float64)[chosen], _scales(source, "flow_")
     lapses = np.diff(times).tolist()
-    sums = np.array(
-        [_between(*pair, lapse) for pair, lapse in zip(pairwise(hot), lapses, strict=True)]
-    )
+    sums = np.column_stack([
+        [_between(*pair, lapse) for pair, lapse in zip(pairwise(hot), lapses, strict=True)],
+        _carried(source, times, axis),
+    ])  # fmt: skip
     found = average_ratios(lambda rows: _derive(rows, scales), sums, times)
     facts = {
         "walls": (names[walls[0]], names[walls[1]]), "height": float(hot[:, 4].mean()),
@@ -304,6 +338,8 @@ def layer_flow(
         **frames_told(source, chosen),
     }  # fmt: skip
     shown = _known(FLOW_QUANTITIES, scales)
+    if np.isnan(sums[:, -1]).all():
+        shown = [q for q in shown if q not in SHARES]
     parts: dict[str, Any] = {
         of: {q.name: getattr(found, of)[q.name] for q in shown} for of in ("mean", "spread")
     }
@@ -317,12 +353,26 @@ def _between(first: Floats, second: Floats, lapse: float) -> tuple[float, ...]:
     return lapse, change[2], -change[3], lapse * (mean[0] - mean[1]), lapse * mean[4] / mean[5]
 
 
+def _carried(source: Run, times: Floats, axis: str) -> Floats:
+    """Heat times its way along an axis, of each of `WAYS`, in each interval [J m], ``(r, 4)``.
+
+    nan of a run of an older version, which does not know it.
+    """
+    names, series = [f"heat_way_by_{way}_{axis}" for way in WAYS], source.series
+    if names[0] not in series:
+        return np.full((times.size - 1, len(WAYS)), np.nan)
+    books = np.column_stack([np.asarray(series[name], np.float64) for name in names])
+    gained = np.diff(books, axis=0, prepend=np.zeros((1, len(WAYS))))
+    return sums_between(np.asarray(series["time"], np.float64), times, gained)
+
+
 def _derive(sums: Floats, scales: dict[str, float]) -> dict[str, Floats]:
     """Each of `FLOW_QUANTITIES` from rows of sums."""
     s = dict(zip(_SUMS, sums.T, strict=True))
     flow, stored = 0.5 * (s["given"] + s["taken"]) / s["lapse"], s["given"] - s["taken"]
     difference = s["difference"] / s["lapse"]
     square = flow / difference * s["shape"] / s["lapse"]
+    all_ways = np.sum([s[way] for way in WAYS], axis=0)
     return {
         "flow": flow,
         "stored": stored / s["lapse"],
@@ -331,4 +381,5 @@ def _derive(sums: Floats, scales: dict[str, float]) -> dict[str, Floats]:
         "flow_conductance": flow / difference,
         "flow_square": square,
         **{name: square / scale for name, scale in scales.items()},
+        **{f"share_{way}": s[way] / all_ways for way in WAYS},
     }

@@ -26,7 +26,11 @@ from multicor_cli.post.source import (
 )
 from multicor_cli.post.table import Quantity, TimeTable
 
-_WAYS = ("contacts", "gas", "radiation", "motion")
+WAYS = ("contacts", "gas", "radiation", "motion")
+"""What carries heat."""
+
+SHARES = tuple(Quantity(f"share_{way}", f"share of {way}") for way in WAYS)
+"""What each has of the flux."""
 
 _MEASURED = (
     Quantity("along", "heat flow along the gradient, over it", r"K_\parallel", "W/K"),
@@ -34,7 +38,7 @@ _MEASURED = (
 )
 _OF_DISCS = (Quantity("conductivity", "effective conductivity", "k", "W/(m K)"),)
 _MORE = (
-    *(Quantity(f"share_{way}", f"share of {way}") for way in _WAYS),
+    *SHARES,
     Quantity("diffusivity", "thermal diffusivity without motion", r"\alpha", "m2/s"),
     Quantity("mixing", "diffusivity by motion", r"D_T", "m2/s"),
     Quantity("self_diffusion", "self-diffusion of grains along the gradient", "D", "m2/s"),
@@ -188,9 +192,9 @@ def _derive(model: Model, sums: Floats) -> dict[str, Floats]:
     # Down the gradient, and to the right of that
     by = {
         way: 0.0 - (gx * s[f"{way}_x"] + gy * s[f"{way}_y"]) / (size**2 * s["window"])
-        for way in _WAYS
+        for way in WAYS
     }
-    to_the_right = sum(-gy * s[f"{way}_x"] + gx * s[f"{way}_y"] for way in _WAYS)
+    to_the_right = sum(-gy * s[f"{way}_x"] + gx * s[f"{way}_y"] for way in WAYS)
     along = np.sum([*by.values()], axis=0)
     to_diffusivity = s["area"] / s["window"] / model.thermal.capacity.sum()
     diffusivity = (along - by["motion"]) * to_diffusivity
@@ -199,7 +203,7 @@ def _derive(model: Model, sums: Floats) -> dict[str, Floats]:
         "along": along,
         "across": -to_the_right / (size**2 * s["window"]),
         "conductivity": along / thickness_of(model),
-        **{f"share_{way}": by[way] / along for way in _WAYS},
+        **{f"share_{way}": by[way] / along for way in WAYS},
         "diffusivity": diffusivity,
         "mixing": by["motion"] * to_diffusivity,
         "self_diffusion": s["spreading"] / s["lapse"],

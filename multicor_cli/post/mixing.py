@@ -92,7 +92,7 @@ def mixing(
             selected, or none has two cells and grains of two groups.
         StoreError: If the run cannot be read.
     """
-    names = _names(source.model.groups, groups)
+    names = names_of_groups(source.model.groups, groups)
     if not 1.0 <= cell < np.inf:
         raise PostError(f"{cell:g} grains in a cell: choose 1 or more")
     chosen = (selection or Selection(frames=slice(None))).indices(source.frames)
@@ -136,7 +136,7 @@ def mixing(
     return Mixing(times, quantities, facts, frames=chosen)
 
 
-def _names(known: tuple[str, ...], groups: Sequence[str]) -> tuple[str, ...]:
+def names_of_groups(known: tuple[str, ...], groups: Sequence[str]) -> tuple[str, ...]:
     """Names of the groups that count; raises `PostError` if one is missing or alone."""
     for name in groups:
         if name not in known:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Strict
 
 from multicor_cli.model import Model, State
-from multicor_cli.model.books import HEAT_BOOKS, entry_counts
+from multicor_cli.model.books import FLUX_BOOKS, HEAT_BOOKS, entry_counts
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
 from multicor_cli.scenario.documents import Count, Decision
@@ -281,7 +281,9 @@ def _read_state(path: Path, run_id: str) -> tuple[State, str]:
         columns = {spec.name: file.read(spec) for spec in filter(file.has, schema.CHECKPOINT)}
         lengths = file.dims | entry_counts()
     if columns["heat_books"].size:
+        is_cell = "nonaffine" in columns and columns["nonaffine"].size > 0
         lengths["heat_book"] = len(HEAT_BOOKS)
+        lengths["flux_book"] = 0 if is_cell else len(FLUX_BOOKS)
     numbers = {spec.name for spec in schema.CHECKPOINT if spec.dims == ("one",)}
     columns |= {name: np.asarray(columns[name][0]) for name in numbers & columns.keys()}
     whole = {

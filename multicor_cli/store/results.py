@@ -285,8 +285,11 @@ def read_description(file: CheckedFile) -> Document:
 
 
 def check_features(file: CheckedFile, features: Set[str]) -> None:
-    """Refuse a file that has other features than its run; raises `DamagedRun`."""
-    known = {spec.only_with for spec in schema.RESULTS_TABLE}
+    """Refuse a file that has other features than its run; raises `DamagedRun`.
+
+    Those of which its version knows nothing do not count.
+    """
+    known = {spec.only_with for spec in schema.RESULTS_TABLE if spec.since <= file.version}
     if file.features & known != features & known:
         raise DamagedRun(
             f"{file.path}: has the features {sorted(file.features)}, its model {sorted(features)}"

@@ -121,7 +121,10 @@ def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
         measure = layer_flow if name in _THROUGH_LAYER else layer_conductivity
     found = measure(run, selection)
     if name not in found.mean:
-        raise Unobservable(f"the run has no {name}: its grains are no discs of one thickness")
+        why = "its grains are no discs of one thickness"
+        if name.startswith("share_"):
+            why = "an older version of the program began it"
+        raise Unobservable(f"the run has no {name}: {why}")
     return Number(found.mean[name], found.error[name])
 
 

@@ -347,6 +347,16 @@ def layer_network(of, run, table):
     assert (mean["conductance"] > 0.0) == of.is_layer
 
 
+def sizes(of, run, table):
+    """Mean diameters by area, at the height of a profile: together all the area of the grains."""
+    assert tuple(table["walls"]) == of.bounds
+    radius, area, value = run.model.grains.radius, np.array(table["area"]), table["value"]
+    known = np.array([v for row in value for v in row if v is not None])
+    assert 2.0 * radius.min() <= known.min() * (1.0 + 1e-12)
+    assert known.max() <= 2.0 * radius.max() * (1.0 + 1e-12)
+    assert area.sum(axis=1).max() <= area_of(run) * (1.0 + 1e-9)
+
+
 def heat_flows(of, run, table):
     """What the hot wall gives by its contacts, one by one."""
     frame = run.frames[-1]
@@ -404,6 +414,7 @@ TABLES = {
     "diffusion --margin 1": strayed,
     "structure --margin 0 --reach 1.2": neighbors,
     "mixing": None,
+    "mixing --profile size": sizes,
     "residence": None,
     "avalanches --of kinetic": drops,
     "structure --voronoi --margin 0": cells,
@@ -445,7 +456,7 @@ def refusal(of, name):
     if name.startswith("diffusion") and not (of.is_periodic and all(of.bounds)):
         return "diffusion needs a mean flow that depends on the height alone"
     if name.startswith("conductivity") and not all(of.bounds):
-        return "conductivity needs a wall below and a wall above the grains, or a cell"
+        return "conductivity needs a wall below and a wall above the grains, walls on their left"
     if name == "conductivity":
         return "have no different temperatures in these frames"
     if of.kind == "no walls" and name in WITHOUT_WALLS:
@@ -590,7 +601,10 @@ VARIANTS = {
         [], ["--reach", "2", "--margin", "0"], ["--bins", "3", "--frames", ":"], ["--factor"],
         ["--reach", "1e300"], ["--voronoi"], ["--voronoi", "--margin", "0", "--frames", ":"],
     ],
-    "mixing": [[], ["--cell", "1", "--frames", ":"], ["--group", "grains"]],
+    "mixing": [
+        [], ["--cell", "1", "--frames", ":"], ["--group", "grains"], ["--profile", "share"],
+        ["--profile", "size"], ["--profile", "size", "--bins", "3", "--times", "1"],
+    ],
     "residence": [[], ["--frames", "2:"]],
     "avalanches": [["--of", "kinetic"], ["--of", "kinetic", "--threshold", "1e-30"]],
     "correlation": [[], ["--margin", "0", "--reach", "2"], ["--bins", "3", "--frames", ":"]],

@@ -53,6 +53,7 @@ post hot-spots run
 post diffusion run --margin 1
 post structure run
 post mixing run
+post mixing run --profile size
 post residence run
 post avalanches run --of kinetic
 post structure run --voronoi

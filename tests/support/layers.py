@@ -7,6 +7,7 @@ from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
 
 from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.post.mean_heat import WAYS
 
 THICKNESS, SOLID = 0.25, 2.0
 """Of the discs, and what they are made of conducts."""
@@ -79,7 +80,20 @@ def layer(
             wall_heat=time * np.array([[through + 0.5 * stored, 0.0], [-through + 0.5 * stored, 0.0]]),
             contacts=lattice_contacts(columns, rows, inside, wall), unwrapped=position,
         ))  # fmt: skip
-    return source_of(model, made, lapse * np.arange(frames), scenario_resolved=MATERIALS)
+    times = lapse * np.arange(frames)
+    return source_of(model, made, times, scenario_resolved=MATERIALS, series={})
+
+
+def with_ways(source, ways, axis="y"):
+    """The run with a time series: what has gone each way grows by ``ways`` in a time of 1 [W m]."""
+    time = np.asarray(source.frames.time)
+    series = {"time": time}
+    for k, way in enumerate(WAYS):
+        for a in "xy":
+            rate = np.asarray(ways)[..., k] if a == axis else 7.0
+            series[f"heat_way_by_{way}_{a}"] = np.cumsum(rate * np.diff(time, prepend=time[0]))
+    source.series = series
+    return source
 
 
 # --- spheres of steel that slide on each other

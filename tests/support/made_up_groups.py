@@ -21,7 +21,7 @@ def source_of_groups(groups, frames, names=("a", "b"), period=0.0):
     model = replace(
         model, groups=names, grains=replace(model.grains, group=np.array(groups, np.int32))
     )
-    return source_of(model, [frame_of(position) for position in frames])
+    return source_of(model, [frame_of(position, walls=1) for position in frames])
 
 
 def source_of_stays(stays, frames, groups=None, lost=()):
@@ -60,6 +60,17 @@ def mixed():
     random = np.random.default_rng(1)
     frames = random.random((3, 200, 2)) * 20.0
     return post.mixing(source_of_groups(np.arange(200) % 2, frames, ("small", "large")))
+
+
+def parted(of="share", frames=20):
+    """Large grains that rise through small ones."""
+    random, size = np.random.default_rng(1), np.arange(200) % 2
+    at = random.random((frames, 200, 2)) * 20.0
+    at[:, size == 1, 1] += np.linspace(0.0, 20.0, frames)[:, np.newaxis]
+    source = source_of_groups(1 - size, at, ("large", "small"))
+    grains = replace(source.model.grains, radius=0.4 + 0.2 * size)
+    source.model = replace(source.model, grains=grains)
+    return post.segregation(source, of=of)
 
 
 def stayed():

@@ -16,6 +16,7 @@ from multicor_cli.post.mean_heat import FLUX_QUANTITIES
 from multicor_cli.post.mixing import MIXING
 from multicor_cli.post.region import QUANTITIES as OF_REGION
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
+from multicor_cli.post.segregation import SEGREGATION
 from multicor_cli.post.table import Quantity, split_unit
 from multicor_cli.store import schema
 from multicor_cli.text import unit_sign
@@ -53,7 +54,7 @@ MEASURED: dict[str, tuple[Quantity, ...]] = {
     "region": OF_REGION,
     "conductivity": (*OF_CONDUCTIVITY, *FLUX_QUANTITIES),
     "forces": tuple(Quantity(n, *_label_and_unit(text)) for n, text in NUMBERS.items()),
-    "mixing": MIXING,
+    "mixing": (*MIXING, *SEGREGATION.values()),
     "avalanches": EVENTS,
     "energy": (*MECHANICAL, *HEAT),
 }

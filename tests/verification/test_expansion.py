@@ -8,6 +8,8 @@ from heat_parts import coupled_engine, make_heat_laws, warm_model, with_heat
 from scene_parts import FLOOR, G, book, continued, make_model
 
 from multicor_cli.engine import Settings
+from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Spring, WallDrive
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model import ShapeKind, Thermal
@@ -164,6 +166,35 @@ def test_worn_grains_go_on_to_the_same_bits():
     assert again.state.digest() == one.state.digest()
     assert (one.state.wear > 0.0).any()
     assert book(one.state, "closure") < 1e-12
+
+
+def test_what_flows_through_gaps_that_close_does_not_know_how_old_the_list_of_pairs_is():
+    """Two large grains grow towards each other where they stand, by more than what the list of heat
+    has room for (0.3 mean diameters, which is little beside many small ones): at each gap gas and
+    radiation pass the same bits as with a list of now, none beyond their reach."""
+    radius, reach = np.array([1.0, 1.0, *[0.05] * 30]), 0.1
+    room = 0.3 * 2.0 * radius.mean()
+    place = np.column_stack([np.arange(32) * 0.5, np.full(32, 9.0)])
+    place[:2] = (0.0, 0.0), (2.0 + reach + 1.1 * room, 0.0)
+    start = np.array([300.0, 350.0, *[300.0] * 30])
+    engine = coupled_engine(
+        expanding(warm_model(radius, start, gravity=(0.0, 0.0)), 1e-2), place,
+        laws=make_heat_laws(emissivity=0.8), solver=Settings(),
+        mechanisms=(Gas(0.03, reach=reach), Radiation(reach=reach)),
+    )  # fmt: skip
+    passed = []
+    for _ in range(6):
+        warmed(engine, 10.0, 100)
+        fresh, before = continued(engine), engine.state.heat.copy()
+        for each in (engine, fresh):
+            each.step(1e-3, each.state.time)
+        assert engine.state.digest() == fresh.state.digest()
+        large = engine.state.radius[:2]
+        is_near = place[1, 0] - large.sum() <= reach * large.min()
+        passed.append(bool(engine.state.heat[0] > before[0]))
+        assert passed[-1] == is_near
+    assert not passed[0]
+    assert passed[-1]
 
 
 def test_who_is_worn_away_is_named():

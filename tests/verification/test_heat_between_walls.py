@@ -16,6 +16,8 @@ from multicor_cli.post import (
     layer_flow,
     wall_heat,
 )
+from multicor_cli.post.contacts import heat_flows
+from multicor_cli.post.mean_heat import WAYS
 
 ALL = Selection(start=0.0)
 RADIUS, THICKNESS = 1e-3, 1e-3
@@ -77,6 +79,55 @@ def test_flow_and_contacts_of_a_packing_agree(run, sides, record_property):
     area = np.pi * made.model.grains.radius**2
     mean = (flux * area[:, np.newaxis]).sum(axis=0) / (contacts.width * contacts.height)
     assert mean[1] == pytest.approx(flow / contacts.width, rel=2e-3)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_shares_of_a_packing_in_its_steady_state(run, axis, record_property):
+    """Pressed discs in a gas that radiate, between a floor and a lid, or walls on the left and on
+    the right: contacts have what their network in the frames passes, Σ q ℓ/(Q H), and the books of
+    all ways together Q H."""
+    low, high = (plane(0.0), plane(0.04, -1))
+    if axis == "x":
+        low = {"kind": "plane", "point": [0.0, 0.0], "normal": [1.0, 0.0]}
+        high = {"kind": "plane", "point": [0.04, 0.0], "normal": [-1.0, 0.0]}
+    walls = {
+        "hot": {"geometry": low, "thermal": {"temperature": 700.0}},
+        "cold": {"geometry": high, "mass": 1e-3, "thermal": {"temperature": 500.0}},
+        "near": {"geometry": plane(0.0)},
+        "far": {"geometry": plane(0.02, -1)},
+    }
+    size = [0.04, 0.02]
+    if axis == "y":
+        size = size[::-1]
+        walls["near"] = {"kind": "plane", "point": [0.0, 0.0], "normal": [1.0, 0.0]}
+        walls["far"] = {"kind": "plane", "point": [0.02, 0.0], "normal": [-1.0, 0.0]}
+    made = run(scenario(
+        STEPS.replace("lid = { y", f"cold = {{ {axis}"), size=size, periodic=False, gravity=[0, 0],
+        walls=walls, friction=0.3,
+        grains={"count": 90, "sizes": {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3}},
+        heat={"temperature": 600.0, "gas": {"conductivity": 0.03},
+            "radiation": {"neighbors": True, "reach": 0.4}}, dt=2e-4,
+        overrides=["materials.glass.emissivity=0.8"],
+    ))  # fmt: skip
+    late = Selection(start=40000.0)
+    table = layer_flow(made, late, between=("hot", "cold"))
+    assert table.walls == ("hot", "cold")
+    assert abs(table.mean["unsteadiness"]) < 1e-3
+    shares = {way: table.mean[f"share_{way}"] for way in WAYS}
+    keep(record_property, **shares)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    frame, flow = made.frames[-1], table.mean["flow"] * table.height
+    passed = heat_flows(frame, made.model).virial("xy".index(axis)).sum()
+    assert shares["contacts"] == pytest.approx(passed / flow, rel=2e-3)
+    series, k = made.series, -1
+    window = series["time"][k] - series["time"][k - 1]
+    books = [np.diff(series[f"heat_way_by_{way}_{axis}"])[k] / window for way in WAYS]
+    assert sum(books) == pytest.approx(flow, rel=2e-3)
+    assert all(shares[way] > 0.01 for way in WAYS[:3])
+    assert shares["motion"] == pytest.approx(0.0, abs=1e-6)
+    assert table.error["share_gas"] < 1e-3
+    network = layer_conductivity(made, late, between=("hot", "cold"))
+    assert 0.0 < network.mean["square"] < table.mean["flow_square"]
 
 
 # --- beds on a warm floor

@@ -410,8 +410,8 @@ class Moved(NamedTuple):
 
     ``scene`` is at q_m, ``after`` are velocities v⁺, shape ``(bodies, 4)``; ``i`` and ``j`` the
     shapes of ``contacts``; ``loaded_i`` and ``loaded_j`` those of contacts that carried an impulse
-    in the step before, ascending. In a cell grains have ``strayed`` from its mean flow [m], shape
-    ``(n, 2)``; else that is of size 0.
+    in the step before, ascending. Grains have ``strayed`` by what they have moved, in a cell beside
+    its mean flow [m], shape ``(n, 2)``.
     """
 
     scene: Scene

@@ -124,6 +124,8 @@ class Links:
     """Pairs of bodies between which heat flows; ``e`` of them, a grain and a grain or wall shape.
 
     Attributes:
+        i: First shapes, shape ``(e,)``.
+        j: Second shapes, likewise.
         conductance: H [W/K], shape ``(e,)``.
         of_contacts: What contact spots have of it [W/K], shape ``(e,)``.
         area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
@@ -131,6 +133,8 @@ class Links:
         gas_ratio: Smallest and largest λ_s s/(λ_f a) of a contact in a gas; 0 without.
     """
 
+    i: Ints
+    j: Ints
     ends: Ends
     conductance: Floats
     of_contacts: Floats
@@ -142,7 +146,8 @@ class Links:
 def contact_links(spots: Spots, ends: Ends) -> Links:
     """The contacts, with their ``ends``."""
     biot = largest_biot(spots.places.totals(spots.conductance), ends.weakest)
-    return Links(ends, spots.conductance, spots.conductance, np.empty(0), biot, (0.0, 0.0))
+    i, j, conductance = spots.touching.i, spots.touching.j, spots.conductance
+    return Links(i, j, ends, conductance, conductance, np.empty(0), biot, (0.0, 0.0))
 
 
 def near_links(
@@ -173,7 +178,7 @@ def near_links(
         ratio = carried.gas_ratio or ratio
     ends = ends_of(shapes, i, j)
     biot = largest_biot(totals_of_places(place, conductance), ends.weakest)
-    return Links(ends, conductance, of_contacts, area, biot, ratio)
+    return Links(i, j, ends, conductance, of_contacts, area, biot, ratio)
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:

@@ -28,6 +28,7 @@ from multicor_cli.engine.heat.books import (
     strike_balance,
     warm,
 )
+from multicor_cli.engine.heat.flux import branches, passed
 from multicor_cli.engine.heat.friction import (
     ENERGY,
     NO_FRICTION,
@@ -36,7 +37,7 @@ from multicor_cli.engine.heat.friction import (
     collide,
     generate,
 )
-from multicor_cli.engine.heat.gradient import look_ahead, passed, take_along
+from multicor_cli.engine.heat.gradient import look_ahead, take_along
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import (
     Ends,
@@ -316,7 +317,9 @@ class HeatStep:
             )
         temperature[n:] = state.wall_temperature[bodies]
         velocity = np.zeros((n, 2)) if is_frozen else state.velocity[:, :2]
-        ahead = np.empty(0)
+        ahead, branch = np.empty(0), np.empty((0, 2))
+        if state.flux_books.size:
+            branch = branches(scene, links.i, links.j)
         if self._gradient.any():
             branch, ahead = look_ahead(scene, links.ends.i, links.ends.j, self._gradient)
             gained = take_along(self._capacity, strayed, self._gradient)
@@ -340,9 +343,15 @@ class HeatStep:
             flow.walls[bodies] += source[n:] - flow.received[n:]
         state.wall_temperature = walls.temperatures(dt, state.wall_temperature)
         book_flow(state, flow, walls.undelivered(dt, net.flow_wall[net.flow_share > 0.0]))
-        if self._gradient.any():
-            heat = passed(net, links.of_contacts, branch, self._capacity, strayed, flow.lasted, dt)
-            book_along(state, total(gained), heat / (scene.period * scene.height))
+        if state.flux_books.size or self._gradient.any():
+            heat = passed(
+                net, links.ends, links.conductance, links.of_contacts, branch, self._capacity,
+                strayed, flow.lasted, walls.lasting(dt), dt,
+            )  # fmt: skip
+            if state.flux_books.size:
+                state.flux_books += heat.ravel()
+            else:
+                book_along(state, total(gained), heat / (scene.period * scene.height))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state, flow.received)
 

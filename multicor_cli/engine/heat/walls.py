@@ -93,6 +93,13 @@ class WallValues:
             ]
         )
 
+    def lasting(self, dt: float) -> Floats:
+        """Integral of the values over ``dt`` [K s] or [J], ``(w,)``: signals rise straight here."""
+        found = np.zeros(self.count)
+        for values, length in self.pieces(dt):
+            found += length * values(0.5 * length)
+        return found
+
     def undelivered(self, dt: float, reached: NDArray[Any]) -> float:
         """Heat that flow walls other than those ``reached`` could not pass on within ``dt`` [J]."""
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)

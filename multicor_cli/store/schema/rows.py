@@ -15,6 +15,7 @@ from multicor_cli.model.books import (
     ADHESION_BOOKS,
     BOOKS,
     EXCHANGE_BOOKS,
+    FLUX_BOOKS,
     GRADIENT_BOOKS,
     GROWTH_BOOKS,
     HEAT_BOOKS,
@@ -157,6 +158,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "range": laws.adhesion_range.size > 0,
         "cell": model.is_cell,
         "gradient": any(model.heat_gradient),
+        "flux": model.thermal is not None and not model.is_cell,
         "flash": laws.flash_speed.size > 0,
         "expansion": model.expansion.size > 0,
     }
@@ -190,6 +192,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
     "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
+    "flux_book": "F°",
     "expansion_grain": "n†", "expansion_book": "G†",
 }  # fmt: skip
 
@@ -602,6 +605,7 @@ SERIES: tuple[Dataset, ...] = (
     *_kept_numbers(ADHESION_BOOKS, "adhesion_books", "range"),
     *_kept_numbers(GROWTH_BOOKS, "growth_books", "expansion"),
     *_kept_numbers(GRADIENT_BOOKS, "gradient_books", "gradient"),
+    *_kept_numbers(FLUX_BOOKS, "flux_books", "flux"),
     _series("outlet_flow", "1, kg",
         "grains and mass that left through each outlet since the start", "state.outlet_flow",
         ("outlet", 2), ("grains", "mass"), only_with="exchange", since=(1, 2)),

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cells import square_of_discs
-from layers import layer, sliding
-from made_up_groups import dropped, mixed, stayed
+from layers import layer, sliding, with_ways
+from made_up_groups import dropped, mixed, parted, stayed
 
 from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
@@ -97,6 +97,7 @@ def test_charts(column, drawn):
         post.conductivity(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
         post.layer_conductivity(layer(), ALL),
         post.layer_flow(layer(), ALL),
+        post.layer_flow(with_ways(layer(), [1.0, 2.0, 0.5, -0.2]), ALL),
         post.wall_heat(layer(), ALL),
         post.heat_network(layer()),
         post.hot_spots(sliding([[(0, 1, 1.0, 0.5, 0.1 * u) for u in range(9)]] * 3), ALL, 310.0),
@@ -112,6 +113,8 @@ def test_charts(column, drawn):
         factor,
         pairs.with_(factor=factor),
         mixed(),
+        parted(),
+        parted(of="size", frames=1),
         stayed(),
         dropped(),
         dropped(power_law=True),

@@ -7,7 +7,7 @@ import pytest
 from cells import square_of_discs
 from layers import layer, sliding
 from made_up_frames import profile_of
-from made_up_groups import dropped, mixed, stayed
+from made_up_groups import dropped, mixed, parted, stayed
 from matplotlib.figure import Figure
 
 from multicor_cli import post
@@ -138,6 +138,7 @@ def test_every_table_can_be_shown_in_a_terminal(column):
         "correlation C [–]": post.correlation(column, ALL, 1.0, margin=0.0),
         "friction mu* [–]": post.rheology(column, ALL),
         "mixing index M [–]": mixed(),
+        "share of large [–]": parted(),
         "share still inside [–]": stayed(),
         "pull [N]": dropped(),
         "probability density [–]": post.force_distribution(column, ALL),

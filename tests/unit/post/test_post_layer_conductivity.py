@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from layers import SOLID, THICKNESS, layer, layer_model
+from layers import SOLID, THICKNESS, layer, layer_model, with_ways
 from made_up_frames import contacts_of
 from scene_parts import between_planes
 
 from multicor_cli.post import PostError, Selection, layer_conductivity, layer_flow
 from multicor_cli.post.conductivity import Network
 from multicor_cli.post.layer_conductivity import FLOW_QUANTITIES, LAYER_QUANTITIES
+from multicor_cli.post.mean_heat import WAYS
 
 ALL = Selection(start=0.0)
 
@@ -110,7 +111,7 @@ def test_spheres_have_no_conductivity_and_two_solids_no_ratio():
 
 
 def test_a_steady_flow_and_the_contacts_agree():
-    source = layer()
+    source = with_ways(layer(), [1.0, 0.0, 0.0, 0.0])
     flows, contacts = layer_flow(source, ALL), layer_conductivity(source, ALL)
     assert [*flows.mean] == [q.name for q in FLOW_QUANTITIES]
     for name in ("conductance", "square", "conductivity", "over_solid"):
@@ -150,6 +151,62 @@ def test_walls_have_their_temperatures_from_the_first_step_on():
     source = layer()
     source.frames[0].step, source.frames[0].wall_temperature = 0, np.full(2, np.nan)
     assert layer_flow(source, ALL).mean["difference"] == 20.0
+
+
+def test_shares_are_parts_of_all_that_goes_to_the_other_wall():
+    """Ratios of sums, with the errors of an independent jackknife; of older runs nothing is known."""
+    ways = np.random.default_rng(3).uniform(1.0, 2.0, (300, 4))
+    table = layer_flow(with_ways(layer(frames=300), ways), ALL)
+    sums = ways[1:].sum(axis=0)
+    without = sums - ways[1:]
+    for k, way in enumerate(WAYS):
+        share = f"share_{way}"
+        np.testing.assert_allclose(table.values[share], ways[1:, k] / ways[1:].sum(axis=1))
+        assert table.mean[share] == pytest.approx(sums[k] / sums.sum())
+        left = without[:, k] / without.sum(axis=1)
+        error = np.sqrt(298.0 / 299.0 * ((left - left.mean()) ** 2).sum())
+        assert table.error[share] == pytest.approx(error, rel=0.2)
+    assert not any(name.startswith("share") for name in layer_flow(layer(), ALL).mean)
+
+
+# --- walls on the left and on the right
+
+
+def beside(source):
+    """The layer mirrored at the diagonal: its floor is on the left, its lid on the right."""
+    model = source.model
+    geometry = model.shapes.geometry.reshape(-1, 2, 2)[..., ::-1].reshape(-1, 4)
+    source.model = replace(
+        model, period=0.0, shapes=replace(model.shapes, geometry=geometry),
+        walls=replace(model.walls, names=("left", "right")),
+    )  # fmt: skip
+    for frame in source.frames:
+        frame.position = frame.position[:, ::-1]
+        frame.contacts.normal = frame.contacts.normal[:, ::-1]
+    return source
+
+
+@pytest.mark.parametrize("between", [None, ("left", "right")])
+def test_a_layer_between_walls_at_its_sides_conducts_as_one_between_floor_and_lid(between):
+    level, upright = layer(), beside(layer())
+    for measure, more in ((layer_conductivity, {"margin": 1.0}), (layer_flow, {})):
+        expected = measure(with_ways(level, [1.0, 2.0, 3.0, 4.0]), ALL, **more)
+        given = with_ways(upright, [1.0, 2.0, 3.0, 4.0], "x")
+        found = measure(given, ALL, between=between, **more)
+        assert found.mean == pytest.approx(expected.mean, rel=1e-12)
+        assert found.walls == ("left", "right")
+        assert (found.height, found.width) == (6.0, 4.0)
+
+
+def test_walls_at_the_sides_are_taken_if_they_are_named_or_there_are_no_others():
+    with pytest.raises(PostError, match=r"'right' is not below 'left' \(or left of it"):
+        layer_flow(beside(layer()), ALL, between=("right", "left"))
+    source = beside(layer())
+    source.model = replace(source.model, period=9.0)
+    with pytest.raises(PostError, match="'left' is upright"):
+        layer_flow(source, ALL, between=("left", "right"))
+    with pytest.raises(PostError, match="walls on their left and right"):
+        layer_flow(source, ALL)
 
 
 def test_wrong_runs_are_refused():

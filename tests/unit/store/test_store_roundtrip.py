@@ -353,7 +353,7 @@ def test_model_without_friction_by_temperature_has_none(tmp_path):
     run_whole(tmp_path / "run", plain, steps=10)
     with open_run(tmp_path / "run") as run:
         assert not run.model.laws.depends_on_temperature
-        assert run.features == {"heat", "adhesion", "rolling", "range"}
+        assert run.features == {"heat", "flux", "adhesion", "rolling", "range"}
         assert run.frames[-1].temperature is not None
     assert verify(tmp_path / "run") == []
 
