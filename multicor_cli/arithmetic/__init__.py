@@ -13,9 +13,22 @@ arrays, so interpreted and compiled results are equal to the bit. Their accuracy
 many digits.
 """
 
-from multicor_cli.arithmetic.exponential import cbrt, exp, expm1, log, log1p, power
-from multicor_cli.arithmetic.normal import normal_cdf, normal_quantile
-from multicor_cli.arithmetic.trigonometric import acos, asin, atan2, cos, hypot, sin
+from multicor_cli.arithmetic.elementary import (
+    acos,
+    asin,
+    atan2,
+    cbrt,
+    cos,
+    exp,
+    expm1,
+    hypot,
+    log,
+    log1p,
+    normal_cdf,
+    normal_quantile,
+    power,
+    sin,
+)
 
 __all__ = [
     "acos", "asin", "atan2", "cbrt", "cos", "exp", "expm1", "hypot", "log", "log1p", "normal_cdf",

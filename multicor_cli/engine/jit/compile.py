@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
-from multicor_cli.arithmetic import exponential, normal, trigonometric
+from multicor_cli.arithmetic import elementary
 from multicor_cli.engine.jit.cache import configure_cache, prefer_openmp, require_layer
 from multicor_cli.engine.jit.formulas import compile_with
 from multicor_cli.engine.jit.threads import threads_in_use
@@ -70,15 +70,14 @@ def _inlined(function: Callable[..., Any]) -> None:
     register_jitable(error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING)(function)
 
 
-def _called(*modules: ModuleType) -> None:
-    """Let kernels call modules that know nothing of kernels, too long to be inlined everywhere."""
-    for module in modules:
-        for function in vars(module).values():
-            if inspect.isfunction(function) and function.__module__ == module.__name__:
-                register_jitable(error_model="numpy", **_NO_C)(function)
+def _called(module: ModuleType) -> None:
+    """Let kernels call a module that knows nothing of them, too long to be inlined everywhere."""
+    for function in vars(module).values():
+        if inspect.isfunction(function) and function.__module__ == module.__name__:
+            register_jitable(error_model="numpy", **_NO_C)(function)
 
 
-_called(exponential, normal, trigonometric)
+_called(elementary)
 compile_with(_inlined)
 
 
