@@ -109,9 +109,8 @@ from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepRe
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import BELT, SPIN
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
-from multicor_cli.model.state import State
+from multicor_cli.model.state import State, find_absurd_value
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""

@@ -22,9 +22,9 @@ from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.contacts import are_impacts
-from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.shapes import TAIL, Room, Tail
+from multicor_cli.model.state import find_misfit
 from multicor_cli.packing.groups import with_motion
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.walls import BuiltWalls

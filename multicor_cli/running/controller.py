@@ -14,7 +14,7 @@ import numpy as np
 from multicor_cli.engine.orders import Interrupted, PhysicsError, StepReport
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.faults import find_absurd_value
+from multicor_cli.model.state import find_absurd_value
 from multicor_cli.running.conditions import StepDone, is_due, update_peak
 from multicor_cli.running.outcome import Observer, SilentObserver, StageTimeout, Status, StopReason
 from multicor_cli.running.plan import RunPlan, StagePlan, begin_stage, foresee_steps

@@ -14,8 +14,7 @@ from pydantic import BaseModel, Strict
 
 from multicor_cli.model import Model, State
 from multicor_cli.model.books import FLUX_BOOKS, HEAT_BOOKS, entry_counts
-from multicor_cli.model.faults import find_misfit
-from multicor_cli.model.state import digest_of
+from multicor_cli.model.state import digest_of, find_misfit
 from multicor_cli.scenario.documents import Count, Decision
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import (

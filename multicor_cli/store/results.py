@@ -24,7 +24,7 @@ from multicor_cli.model import (
     WallShapes,
 )
 from multicor_cli.model.books import Version
-from multicor_cli.model.faults import LARGEST
+from multicor_cli.model.state import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import Document, ResultsDocument, record_of

@@ -15,9 +15,8 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.sums import column_totals, total_and_magnitude
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES, WINDOW_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
-from multicor_cli.model.faults import LARGEST
 from multicor_cli.model.model import Floats
-from multicor_cli.model.state import State
+from multicor_cli.model.state import LARGEST, State
 
 _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
 _STEPS = WINDOW_NAMES.index("steps")

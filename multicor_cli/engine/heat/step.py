@@ -65,9 +65,8 @@ from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import FRICTION
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
-from multicor_cli.model.state import State
+from multicor_cli.model.state import State, find_absurd_value
 
 _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
 

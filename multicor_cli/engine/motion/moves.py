@@ -7,8 +7,8 @@ import numpy as np
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.columns import ANGLE, INVERSE_MASS, SPIN, SURFACE, X, Y
-from multicor_cli.model.faults import LARGEST
 from multicor_cli.model.model import Floats
+from multicor_cli.model.state import LARGEST
 
 
 @parallel_kernel

@@ -15,7 +15,7 @@ import multicor_cli as multicor
 from multicor_cli.checks import Verdict, check_run, check_scenario
 from multicor_cli.model import State
 from multicor_cli.model.columns import XX, XY, YY
-from multicor_cli.model.faults import find_misfit
+from multicor_cli.model.state import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.running.conditions import (
     BLOCKS,

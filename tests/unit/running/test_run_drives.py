@@ -20,7 +20,7 @@ from multicor_cli.engine.motion.drives import (
     WallDrive,
 )
 from multicor_cli.export.fclib_file import frame_problem
-from multicor_cli.model.faults import find_misfit
+from multicor_cli.model.state import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.packing.materials import stage_laws
 from multicor_cli.running.from_scenario import make_plan

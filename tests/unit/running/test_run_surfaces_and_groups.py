@@ -14,7 +14,7 @@ from multicor_cli import Scenario, open_run, run
 from multicor_cli.engine import Engine
 from multicor_cli.engine.inflow.population import find_room
 from multicor_cli.export import frame_problem
-from multicor_cli.model.faults import find_misfit
+from multicor_cli.model.state import find_misfit
 from multicor_cli.packing import build, place
 from multicor_cli.running.from_scenario import inflow_rules
 from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario

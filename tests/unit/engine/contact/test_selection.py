@@ -22,7 +22,7 @@ from multicor_cli.engine.contact.selection import Selection
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model import State
-from multicor_cli.model.faults import find_misfit
+from multicor_cli.model.state import find_misfit
 
 needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not compiled")
 
