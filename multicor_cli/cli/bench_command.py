@@ -77,9 +77,15 @@ def bench(
     for everything else in a step a piece of work of the same kind.
     """
     from multicor_cli.bench.measuring import Task
-    from multicor_cli.bench.recorded import read_record, write_record
     from multicor_cli.bench.scenes import SCENES
-    from multicor_cli.bench.session import HEADINGS, notes, row, run_benchmark
+    from multicor_cli.bench.session import (
+        HEADINGS,
+        notes,
+        read_record,
+        row,
+        run_benchmark,
+        write_record,
+    )
     from multicor_cli.running.machine import available_cores
 
     unknown = [name for name in scenes or [] if name not in SCENES]
@@ -119,8 +125,7 @@ def _slower(
     tasks: list[Task], results: list[Result], known: dict[str, dict[str, float]], took: float
 ) -> list[str]:
     """What is slower than recorded and, given time, again with another seed in another minute."""
-    from multicor_cli.bench.recorded import find_slower, slower_twice
-    from multicor_cli.bench.session import run_benchmark
+    from multicor_cli.bench.session import find_slower, run_benchmark, slower_twice
 
     lines = find_slower(results, known)
     again = [

@@ -17,17 +17,20 @@ from scene_parts import advance, shear_engine
 from multicor_cli.bench import measuring, scenes, session, yardsticks
 from multicor_cli.bench.driving import QUIET, Rest, prepare, repeat_scene
 from multicor_cli.bench.measuring import Result, Task, find_faults, measure
-from multicor_cli.bench.recorded import (
+from multicor_cli.bench.scenes import SCENES
+from multicor_cli.bench.session import (
+    HEADINGS,
     MARGINS,
+    Benchmark,
     RecordError,
     find_slower,
+    notes,
     ratios,
     read_record,
+    row,
     slower_twice,
     write_record,
 )
-from multicor_cli.bench.scenes import SCENES
-from multicor_cli.bench.session import HEADINGS, Benchmark, notes, row
 from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, compile_sweep, time_sweep
 from multicor_cli.cli.bench_command import bench
 from multicor_cli.engine import Engine, Orders, Settings
