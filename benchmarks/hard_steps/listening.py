@@ -15,7 +15,7 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import step as engine_module
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
-from multicor_cli.engine.jit.chunks import aligned_copy
+from multicor_cli.engine.jit.arrays import aligned_copy
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.from_scenario import make_plan

@@ -24,8 +24,8 @@ from multicor_cli.engine import step as engine_module
 from multicor_cli.engine.contact.solve import ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import OneByOne, batch
+from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.cache import cache_name
-from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.model.columns import FIRST, INVERSE_MASS, MASS, MU, NY, SECOND, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing import build

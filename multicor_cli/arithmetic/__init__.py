@@ -8,7 +8,7 @@ trajectory. So whatever reaches a `Model` or a `State` calls the functions of th
 a test walks the code and finds every other call.
 
 The functions are plain Python over floats; `arithmetic.sums` is about arrays. Kernels compile these
-very functions (`engine.jit.compile` registers them) and `engine.jit.elementwise` applies them to
+very functions (`engine.jit.compile` registers them) and `engine.jit.arrays` applies them to
 arrays, so interpreted and compiled results are equal to the bit. Their accuracy is tested against
 many digits.
 """

@@ -22,7 +22,7 @@ import numpy as np
 
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.system import OneByOne, flatten
-from multicor_cli.engine.jit.chunks import aligned_copy
+from multicor_cli.engine.jit.arrays import aligned_copy
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.model.model import Floats, Ints

@@ -61,7 +61,7 @@ from multicor_cli.engine.geometry.neighbors import both_ways
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
-from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.drives import WallDrive

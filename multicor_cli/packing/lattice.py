@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.jit import elementwise
+from multicor_cli.engine.jit import arrays
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Room
@@ -92,7 +92,7 @@ class Lattice(NamedTuple):
         if self.jitter > 0.0:  # uniform in a disc
             distance = self.jitter * self.step * np.sqrt(rng.random(count))
             angle = 2.0 * math.pi * rng.random(count)
-            away = [distance * elementwise.cos(angle), distance * elementwise.sin(angle)]
+            away = [distance * arrays.cos(angle), distance * arrays.sin(angle)]
             sites += np.column_stack(away)
         return sites
 

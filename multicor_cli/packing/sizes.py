@@ -22,7 +22,7 @@ import numpy as np
 
 from multicor_cli import arithmetic
 from multicor_cli.arithmetic import normal_cdf, sums
-from multicor_cli.engine.jit import elementwise
+from multicor_cli.engine.jit import arrays
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.initial_grains import Shape
 from multicor_cli.scenario.sizes import (
@@ -148,11 +148,11 @@ def power_sizes(exponent: float, smallest: float, largest: float, power: int) ->
         if slope == 1.0:  # uniform by number
             return smallest + level * (largest - smallest)
         if abs(slope * span) < 1e-12:
-            return smallest * elementwise.exp(level * span)
+            return smallest * arrays.exp(level * span)
         # (r/r_min)^slope grows linearly with the level; expm1 and log1p keep it exact for slopes
         # near 0.
         growth = arithmetic.expm1(slope * span)
-        return smallest * elementwise.exp(elementwise.log1p(level * growth) / slope)
+        return smallest * arrays.exp(arrays.log1p(level * growth) / slope)
 
     return ContinuousSizes(quantile, largest)
 
@@ -170,7 +170,7 @@ def lognormal_sizes(
         (arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma
     )
     return ContinuousSizes(
-        lambda level: np.clip(elementwise.exp(center + sigma * score(level)), smallest, largest),
+        lambda level: np.clip(arrays.exp(center + sigma * score(level)), smallest, largest),
         largest,
     )
 
@@ -183,7 +183,7 @@ def normal_between(low: float, high: float) -> Callable[[Floats], Floats]:
 
     def quantile(level: Floats) -> Floats:
         cumulated = np.clip(start + level * (end - start), 1e-300, 1.0 - 1e-16)
-        return side * elementwise.normal_quantile(cumulated)
+        return side * arrays.normal_quantile(cumulated)
 
     return quantile
 

@@ -13,7 +13,7 @@ import numpy as np
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, mean, total
 from multicor_cli.engine.geometry.scene import place_shapes
-from multicor_cli.engine.jit import elementwise
+from multicor_cli.engine.jit import arrays
 from multicor_cli.model import WallBody
 from multicor_cli.model.columns import RADIUS, TAIL_X, X, Y
 from multicor_cli.model.model import Floats, Ints, Walls, WallShapes
@@ -85,7 +85,7 @@ def chain_on_circle(
 
     def angles(radii: Floats) -> Floats:
         # What each grain takes of the full circle; exact for equal grains.
-        return np.asarray(2.0 * elementwise.asin(radii / (radius + side * radii)))
+        return np.asarray(2.0 * arrays.asin(radii / (radius + side * radii)))
 
     radii = draw_to_total(sizes, angles, 2.0 * math.pi, restart)
     found = {}
@@ -100,16 +100,14 @@ def chain_on_circle(
     steps = _turns(radii, radius, side)
     bearing = np.concatenate([[0.0], np.cumsum(steps[:-1])])
     away = radius + side * radii
-    return np.column_stack(
-        [away * elementwise.cos(bearing), away * elementwise.sin(bearing), radii]
-    )
+    return np.column_stack([away * arrays.cos(bearing), away * arrays.sin(bearing), radii])
 
 
 def _turns(radii: Floats, radius: float, side: float) -> Floats:
     """Angle at the circle's center from each disc to the next [rad]; side 1 outside, −1 inside."""
     after = np.roll(radii, -1)
     a, b, c = radius + side * radii, radius + side * after, radii + after
-    return np.asarray(elementwise.acos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
+    return np.asarray(arrays.acos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
 
 
 def _closing_factor(radii: Floats, radius: float, side: float) -> float:

@@ -32,12 +32,12 @@ cases."""
 SOLVE = """
 import hashlib, sys
 import numpy as np
-from multicor_cli.engine.jit import elementwise
+from multicor_cli.engine.jit import arrays
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 values = np.linspace(1e-3, 1.0, 1001)
 found = solve_contacts(ContactProblem.load(sys.argv[1]), Settings())
-functions = (getattr(elementwise, name) for name in ("exp", "log1p", "sin", "cos", "acos"))
+functions = (getattr(arrays, name) for name in ("exp", "log1p", "sin", "cos", "acos"))
 results = [found.impulse, found.velocity, *(function(values) for function in functions)]
 for result in results:
     digest = hashlib.blake2b(np.ascontiguousarray(result).tobytes(), digest_size=8)

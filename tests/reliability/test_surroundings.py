@@ -154,8 +154,8 @@ def nobodys():
 COMPILE = """
 import os
 import numpy
-from multicor_cli.engine.jit import elementwise
-print(elementwise.cos(numpy.zeros(1))[0], os.environ["NUMBA_CACHE_DIR"])
+from multicor_cli.engine.jit import arrays
+print(arrays.cos(numpy.zeros(1))[0], os.environ["NUMBA_CACHE_DIR"])
 """
 
 

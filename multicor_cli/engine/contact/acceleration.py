@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
-from multicor_cli.engine.jit.chunks import CHUNK, copy_into
+from multicor_cli.engine.jit.arrays import CHUNK, copy_into
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS

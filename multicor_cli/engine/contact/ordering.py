@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.vector_step import ABOUT_ROWS, SMALLER
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FIRST, MASS, SECOND, X, Y

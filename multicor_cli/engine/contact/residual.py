@@ -29,7 +29,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     measure_stretched_batches,
     pair_place,
 )
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES

@@ -22,7 +22,7 @@ from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_c
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State

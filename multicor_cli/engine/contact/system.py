@@ -26,7 +26,7 @@ from multicor_cli.engine.contact.sweep import (
 )
 from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.chunks import CHUNK, aligned
+from multicor_cli.engine.jit.arrays import CHUNK, aligned
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (

@@ -24,7 +24,7 @@ from multicor_cli.engine.contact.vector_step import (
 )
 from multicor_cli.engine.geometry.radii import smaller_of, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.separation import Correction

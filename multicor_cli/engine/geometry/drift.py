@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, XX, XY, YY, X, Y

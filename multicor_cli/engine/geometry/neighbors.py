@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from multicor_cli import arithmetic
 from multicor_cli.engine.geometry.drift import Box, approach_of_displacements
 from multicor_cli.engine.geometry.scene import Scene, is_near_shape, shortest
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import RADIUS, X, Y

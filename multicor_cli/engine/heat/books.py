@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
+from multicor_cli.engine.jit.arrays import column_totals, total_and_magnitude
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.engine.jit.sums import column_totals, total_and_magnitude
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES, WINDOW_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.model import Floats

@@ -25,9 +25,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from multicor_cli.engine.heat.hertz import contact_volume, rough_conductance
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK, cube_roots
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.engine.jit.elementwise import cube_roots
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats
 

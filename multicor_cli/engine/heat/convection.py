@@ -24,8 +24,8 @@ import numpy as np
 
 from multicor_cli.arithmetic import cbrt, power
 from multicor_cli.engine.heat.mechanism import Mechanism, Outside
+from multicor_cli.engine.jit.arrays import hypot
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model

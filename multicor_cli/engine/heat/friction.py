@@ -27,10 +27,9 @@ from multicor_cli.engine.contact.contacts import (
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.mechanism import HeatLaws, Indices
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK, column_totals
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.engine.jit.sums import column_totals
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.columns import ANGLE, INVERSE_MASS, SPIN, SURFACE, X, Y
 from multicor_cli.model.model import Floats

@@ -25,7 +25,7 @@ from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
-from multicor_cli.engine.jit.chunks import copy_into
+from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.cell import carry, strain_between

@@ -10,7 +10,7 @@ from multicor_cli import arithmetic
 from multicor_cli import arithmetic as a
 from multicor_cli.arithmetic import sums
 from multicor_cli.arithmetic.sums import FEW
-from multicor_cli.engine.jit import elementwise
+from multicor_cli.engine.jit import arrays
 
 mpmath = pytest.importorskip("mpmath")
 
@@ -122,12 +122,12 @@ def test_special_values(function, values):
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in elementwise.__dict__ if name in {**ONE, "normal_quantile": 0}]
+    "name", [name for name in arrays.__dict__ if name in {**ONE, "normal_quantile": 0}]
 )
 def test_compiled_functions_have_the_bits_of_interpreted_ones(name):
     shares = uniform(1e-300, 1.0) + sizes(-290, -1)
     arguments = shares if name == "normal_quantile" else ONE[name][0]
-    compiled = getattr(elementwise, name)(np.array(arguments))
+    compiled = getattr(arrays, name)(np.array(arguments))
     interpreted = np.array([getattr(arithmetic, name)(x) for x in arguments])
     assert (compiled.view(np.int64) == interpreted.view(np.int64)).all()
 
@@ -136,7 +136,7 @@ def test_compiled_functions_have_the_bits_of_interpreted_ones(name):
 def test_cube_roots_in_vectors_have_the_bits_of_single_ones(others):
     values = np.array(sizes(-307, 308) + uniform(0.0, 10.0) + others)
     roots = values.copy()
-    elementwise.cube_roots(roots)
+    arrays.cube_roots(roots)
     single = np.array([arithmetic.cbrt(x) for x in values.tolist()])
     assert (roots.view(np.int64) == single.view(np.int64)).all()
 

@@ -20,7 +20,7 @@ OVERLAPPED = {"both_ways", "push_apart"}
 """Kernels that only steps with overlaps need."""
 
 FIRST = {
-    "neighbors", "affine", "scene", "placing", "overlap", "elementwise", "moves", "drift",
+    "neighbors", "affine", "scene", "placing", "overlap", "arrays", "moves", "drift",
     "compile", "contacts",
 }  # fmt: skip
 """Modules whose kernels are needed before the other process comes to them."""

@@ -16,7 +16,7 @@ from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.vector_sweep import TANGENTIAL_, impulse_place
-from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.orders import Settings
 
