@@ -28,7 +28,7 @@ from multicor_cli.engine.heat.books import (
     strike_balance,
     warm,
 )
-from multicor_cli.engine.heat.flux import branches, passed
+from multicor_cli.engine.heat.flux import branches, look_ahead, passed, take_along
 from multicor_cli.engine.heat.friction import (
     ENERGY,
     NO_FRICTION,
@@ -37,7 +37,6 @@ from multicor_cli.engine.heat.friction import (
     collide,
     generate,
 )
-from multicor_cli.engine.heat.gradient import look_ahead, take_along
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import (
     Ends,
