@@ -129,8 +129,7 @@ def _engine_condition(condition: WallCondition, fallback: float) -> WallHeat:
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
     """The choices about heat, materials ordered as in the model; None without ``[heat]``."""
-    from multicor_cli.engine.heat.conduction import ContactForce
-    from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
+    from multicor_cli.engine.heat.settings import MECHANISMS, ContactForce, HeatSettings
 
     heat = scenario.heat
     if heat is None:

@@ -6,8 +6,7 @@ import numpy as np
 from scene_parts import FLOOR, TIGHT, make_model
 
 from multicor_cli.engine import Engine, Orders
-from multicor_cli.engine.heat.conduction import ContactForce
-from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
+from multicor_cli.engine.heat.settings import ContactForce, HeatSettings, heat_laws
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal

@@ -9,7 +9,6 @@ from heat_parts import make_heat_laws
 from scene_parts import continued, resume
 
 from multicor_cli.engine import Engine
-from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.gas import CORE, Gas, parallel_conductance
 from multicor_cli.engine.heat.radiation import (
     STEFAN_BOLTZMANN,
@@ -17,7 +16,7 @@ from multicor_cli.engine.heat.radiation import (
     cylinder_view_factor,
     emission_factor,
 )
-from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.settings import ContactForce, HeatSettings
 from multicor_cli.engine.motion.cell import wrap_cell
 from multicor_cli.model import HEAT_BOOK_NAMES, Thermal
 from multicor_cli.model.books import NAMES

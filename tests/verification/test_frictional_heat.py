@@ -19,12 +19,12 @@ from scene_parts import FLOOR, G, advance, book, make_model, resume, shear_scene
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.books import receive
-from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.hertz import contact_radius
 from multicor_cli.engine.heat.radiation import Radiation
+from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Sine
 from multicor_cli.model.flash import flash_rise

@@ -8,7 +8,6 @@ from heat_parts import at_temperature, make_heat_laws, temperatures
 from scene_parts import continued, make_model
 
 from multicor_cli.engine import Engine, Orders
-from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.gas import (
     CORE,
     Gas,
@@ -21,7 +20,7 @@ from multicor_cli.engine.heat.radiation import (
     cylinder_view_factor,
     emission_factor,
 )
-from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.settings import ContactForce, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import ShapeKind, State, Thermal

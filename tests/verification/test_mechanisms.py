@@ -16,10 +16,10 @@ from heat_parts import (
 )
 from scene_parts import FLOOR, resume
 
-from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall
 from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
+from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 

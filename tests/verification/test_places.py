@@ -16,10 +16,10 @@ from scene_parts import TIGHT, G, advance, book, make_engine, make_model, resume
 
 from multicor_cli.engine.geometry.places import RISE
 from multicor_cli.engine.heat import gas
-from multicor_cli.engine.heat.conduction import ContactForce, hertz_conductance
 from multicor_cli.engine.heat.friction import impact_exchange
-from multicor_cli.engine.heat.hertz import contact_radius, rough_conductance
+from multicor_cli.engine.heat.hertz import contact_radius, hertz_conductance, rough_conductance
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, linear_coefficient
+from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.geometry.places import find_places, largest_of_places, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.conduction import largest_biot
+from multicor_cli.engine.heat.hertz import biot_number
 from multicor_cli.engine.heat.mechanism import Indices, NearPairs
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -141,6 +141,19 @@ class Links:
     area: Floats
     biot: float
     gas_ratio: tuple[float, float]
+
+
+@kernel
+def largest_biot(conductance: Floats, weakest: Floats) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links; 0 without any.
+
+    ``conductance`` is that of the place of each link, ``weakest`` the smaller λ a of its grains
+    [W/K], both of shape ``(e,)``.
+    """
+    most = 0.0
+    for k in range(conductance.size):
+        most = max(most, biot_number(conductance[k], weakest[k]))
+    return most
 
 
 def contact_links(spots: Spots, ends: Ends) -> Links:

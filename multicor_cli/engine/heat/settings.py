@@ -9,16 +9,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from operator import mul
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.engine.heat.conduction import Conduction, ContactForce, harmonic_mean
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import SHARES, FrictionRule, Partition
 from multicor_cli.engine.heat.gas import Gas
-from multicor_cli.engine.heat.hertz import contact_modulus
+from multicor_cli.engine.heat.hertz import contact_modulus, harmonic_mean
 from multicor_cli.engine.heat.integration import Integration
 from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism
 from multicor_cli.engine.heat.radiation import Radiation, emission_factor
@@ -26,6 +25,21 @@ from multicor_cli.model.model import Floats
 
 MECHANISMS: dict[str, type[Mechanism]] = {"gas": Gas, "ambient": Ambient, "radiation": Radiation}
 """Mechanisms that a run may have, by the key of ``[heat]`` that switches them on."""
+
+Conduction = Literal["hertz", "rough", "none"]
+
+
+@dataclass(frozen=True)
+class ContactForce:
+    """Which normal force makes the Hertz contact radius.
+
+    ``"step"``: that of the step p_n/Δt; ``"average"``: a running average over ``value`` [s];
+    ``"prescribed"``: ``value`` [N] for all contacts that carry a force.
+    """
+
+    kind: Literal["step", "average", "prescribed"] = "step"
+    value: float = 0.0
+
 
 _STEP = ContactForce()
 

@@ -13,11 +13,16 @@ from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_place
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
-from multicor_cli.engine.heat.conduction import hertz_spots, roughen
-from multicor_cli.engine.heat.hertz import contact_radius, contact_volume
+from multicor_cli.engine.heat.hertz import (
+    contact_radius,
+    contact_volume,
+    hertz_conductance,
+    rough_conductance,
+)
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.arrays import CHUNK, cube_roots
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import NORMAL, X, Y
 from multicor_cli.model.flash import flash_rise, spot_conductance
@@ -275,6 +280,39 @@ def hottest_spot(
         )  # fmt: skip
         hottest = max(hottest, mean + rise)
     return hottest
+
+
+@parallel_kernel
+def hertz_spots(
+    force: Floats, radius: Floats, modulus: Floats, harmonic: Floats, spot: Floats,
+    conductance: Floats,
+) -> None:  # fmt: skip
+    """Spots of smooth contacts under given normal forces [N], and their conductances.
+
+    a*, E* and λ_h of the contacts as in `Touching`. **Modifies** ``spot``, radii a_c [m], and
+    ``conductance`` H_c [W/K]; all of shape ``(c,)``.
+    """
+    count = force.size
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
+        first, last = chunk * CHUNK, min(count, (chunk + 1) * CHUNK)
+        for c in range(first, last):
+            spot[c] = contact_volume(force[c], radius[c], modulus[c])
+        cube_roots(spot[first:last])
+        for c in range(first, last):
+            conductance[c] = hertz_conductance(harmonic[c], spot[c])
+
+
+@kernel
+def roughen(
+    force: Floats, radius: Floats, modulus: Floats, harmonic: Floats, roughness: Floats,
+    slope: Floats, microhardness: Floats, spot: Floats, conductance: Floats,
+) -> None:  # fmt: skip
+    """Conductances of rough contacts with these spots; arguments as `hertz_spots`, `HeatLaws`."""
+    for c in range(force.size):
+        conductance[c] = rough_conductance(
+            force[c], spot[c], modulus[c], radius[c], harmonic[c], roughness[c], slope[c],
+            microhardness[c],
+        )  # fmt: skip
 
 
 def conducting_spots(

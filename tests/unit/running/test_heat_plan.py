@@ -9,11 +9,10 @@ import pytest
 from packing_support import scenario as cold_scenario
 from scenes import HEATED, SHEAR, WARM, changed
 
-from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
-from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
+from multicor_cli.engine.heat.settings import MECHANISMS, ContactForce, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.engine.orders import Settings

@@ -9,7 +9,7 @@ from scipy import integrate
 
 from multicor_cli.engine.contact import law
 from multicor_cli.engine.geometry.radii import effective_radius
-from multicor_cli.engine.heat import conduction, convection, friction, gas, hertz, radiation
+from multicor_cli.engine.heat import convection, friction, gas, hertz, radiation
 
 SIX_DIGITS = 5e-6
 YOUNG, POISSON, CONDUCTIVITY, DENSITY, HEAT_CAPACITY = 193e9, 0.29, 15.0, 7500.0, 500.0
@@ -44,10 +44,10 @@ def test_contact_modulus_and_effective_radius():
 ])  # fmt: skip
 def test_hertz_spot_and_its_conductance(force, radius, conductance, biot):
     assert spot(force) == digits(radius)
-    harmonic = conduction.harmonic_mean(CONDUCTIVITY, CONDUCTIVITY)
-    h = conduction.hertz_conductance(harmonic, spot(force))
+    harmonic = hertz.harmonic_mean(CONDUCTIVITY, CONDUCTIVITY)
+    h = hertz.hertz_conductance(harmonic, spot(force))
     assert h == digits(conductance)
-    assert conduction.biot_number(h, CONDUCTIVITY * A) == digits(biot, 5e-4)
+    assert hertz.biot_number(h, CONDUCTIVITY * A) == digits(biot, 5e-4)
 
 
 def peak_pressure(force):
@@ -70,14 +70,14 @@ def test_spots_of_hertz_have_known_sizes():
 
 
 def test_conductances_of_known_contacts():
-    harmonic = conduction.harmonic_mean(15.0, 200.0)
-    h = conduction.hertz_conductance(harmonic, spot(1.0))
+    harmonic = hertz.harmonic_mean(15.0, 200.0)
+    h = hertz.hertz_conductance(harmonic, spot(1.0))
     assert h == digits(0.000975492)
     assert h / (4.0 * 15.0 * 200.0 / 215.0 * sqrt(pi) * spot(1.0)) == pytest.approx(
         1.0 / 1.77245, rel=SIX_DIGITS
     )
     # R = 1.5 mm, overlap 55.28 nm, λ = 15: 2 λ a_c = 1.9316·10⁻⁴ W/K
-    assert conduction.hertz_conductance(15.0, sqrt(A_EFF * 55.28e-9)) == digits(1.9316e-4, 5e-5)
+    assert hertz.hertz_conductance(15.0, sqrt(A_EFF * 55.28e-9)) == digits(1.9316e-4, 5e-5)
 
 
 # ---- gas
@@ -93,13 +93,13 @@ def test_gas_around_a_contact(force, ratio, conductance, share):
     h = gas.parallel_conductance(AIR, A, A, s, 0.0)
     assert gas.solid_to_gas_ratio(CONDUCTIVITY, s, AIR, A) == digits(ratio)
     assert h == digits(conductance, 5e-4)
-    assert h / conduction.hertz_conductance(CONDUCTIVITY, s) == digits(share, 4e-3)
+    assert h / hertz.hertz_conductance(CONDUCTIVITY, s) == digits(share, 4e-3)
 
 
 def test_gas_models_at_the_bottom_of_the_bed():
     s = spot(0.062)
     parallel = gas.parallel_conductance(AIR, A, A, s, 0.0)
-    contact = conduction.hertz_conductance(CONDUCTIVITY, s)
+    contact = hertz.hertz_conductance(CONDUCTIVITY, s)
     asymptotic = gas.batchelor_conductance(AIR, CONDUCTIVITY, A_EFF, s, 0.0)
     assert gas.vargas_conductance(AIR, A, s) == digits(0.00113658)
     assert contact == digits(0.000207523)

@@ -9,7 +9,7 @@ import pytest
 
 from multicor_cli.engine.contact import law, sweep
 from multicor_cli.engine.geometry import radii
-from multicor_cli.engine.heat import conduction, convection, friction, gas, hertz, radiation
+from multicor_cli.engine.heat import convection, friction, gas, hertz, radiation
 from multicor_cli.engine.jit.compile import kernel
 
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3
@@ -23,12 +23,12 @@ def test_limits_of_hertz_contacts():
     assert hertz.contact_modulus(1e11, 0.3, 1e11, 0.3) == pytest.approx(
         1e11 / (2.0 * 0.91), rel=1e-15
     )
-    assert conduction.harmonic_mean(15.0, 15.0) == 15.0
+    assert hertz.harmonic_mean(15.0, 15.0) == 15.0
     assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
     assert friction.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
     assert radii.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
-    assert conduction.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
+    assert hertz.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
 
 
 def test_a_circle_is_as_hollow_as_it_is():
@@ -192,7 +192,7 @@ def test_no_gap_is_left_around_a_spot_as_large_as_the_grain():
 
 def test_smooth_surfaces_leave_the_hertz_conductance():
     radius = hertz.contact_radius(1.0, 7.5e-4, 1e11)
-    smooth = conduction.hertz_conductance(STEEL, radius)
+    smooth = hertz.hertz_conductance(STEEL, radius)
     assert hertz.rough_conductance(
         1.0, radius, 1e11, 7.5e-4, STEEL, 0.0, 0.1, 3e9
     ) == pytest.approx(smooth, rel=1e-15)
@@ -282,12 +282,12 @@ SAMPLES = {
     "friction.impact_exchange": (5e-5, 7.5e-4, 1e11, 0.1, 15.0, 3.75e6, 200.0, 2.43e6),
     "friction.impact_radius": (5e-5, 7.5e-4, 1e11, 0.1),
     "friction.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
-    "conduction.biot_number": (5e-4, 15.0 * A),
+    "hertz.biot_number": (5e-4, 15.0 * A),
     "hertz.contact_volume": (0.7, 7.5e-4, 1e11),
     "hertz.contact_radius": (0.7, 7.5e-4, 1e11),
     "radii.effective_radius": (A, 2e-3),
     "radii.cup_radius": (A, 4.0 * A),
-    "conduction.hertz_conductance": (15.0, 1e-5),
+    "hertz.hertz_conductance": (15.0, 1e-5),
     "convection.coefficient_of": (7.3, AIR, 3e-3),
     "convection.gunn": (100.0, 0.7, 0.4),
     "convection.li_mason": (700.0, 0.7, 0.4, 4.75),
@@ -322,7 +322,7 @@ SAMPLES = {
     "law.solve_full": (1e-4, 5e-5, -0.1, 0.2, 1e3, 200.0, 3e3, 0.4),
 }
 
-MODULES = [conduction, convection, friction, gas, hertz, law, radiation, radii, sweep]
+MODULES = [convection, friction, gas, hertz, law, radiation, radii, sweep]
 
 
 def is_scalar_formula(node):
