@@ -14,7 +14,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.motion.drives import Spacing
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.model.cell import cell_area
 from multicor_cli.model.columns import XX, YY, X

@@ -17,9 +17,9 @@ from multicor_cli.engine.motion.drives import (
     Gravity,
     Shifted,
     Sine,
+    Spacing,
     TiltedGravity,
 )
-from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model import Model
 from multicor_cli.model.cell import COMPONENTS

@@ -7,8 +7,7 @@ import numpy as np
 from scenarios import digests
 
 from multicor_cli import run
-from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Spacing, WallDrive
 from multicor_cli.engine.orders import Interrupted, Settings, StepReport
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.model.contacts import ContactTable

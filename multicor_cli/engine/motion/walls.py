@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.cell import sides_at_middle
-from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
-from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.motion.drives import DofDrive, Signal, Spacing, WallDrive
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import TAIL, ShapeKind, Tail

@@ -10,7 +10,7 @@ import pytest
 from run_fakes import FakeEngine, MemoryRecorder, make_plan, rest_reached, shear, strain_reached
 from scene_parts import between_planes
 
-from multicor_cli.engine.motion.spacing import Spacing, wall_places
+from multicor_cli.engine.motion.drives import Spacing, wall_places
 from multicor_cli.engine.orders import PhysicsError, Settings
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import StepDone, update_peak

@@ -11,8 +11,7 @@ from run_fakes import FakeDrives, make_plan, strain_reached
 from scene_parts import between_planes
 from scenes import SMALL, changed, write_small
 
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
-from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, Spacing, WallDrive
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model import State
 from multicor_cli.running.differences import find_differences, former_defaults
