@@ -435,7 +435,7 @@ _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
     **dict.fromkeys(("avalanches", "residence"), "events"),
-    **dict.fromkeys(("fabric", "chains", "chain_lengths", "clusters", "lifetimes"), "texture"),
+    **dict.fromkeys(("fabric", "chains", "lifetimes"), "texture"),
     **dict.fromkeys(("correlation", "structure_factor", "voronoi"), "structure"),
     "mobilization": "forces",
     "segregation": "mixing",

@@ -24,9 +24,7 @@ from multicor_cli.plots.style import (
     explain_errors,
     name_frame,
 )
-from multicor_cli.post.chain_lengths import ChainLengths, ChainMap
-from multicor_cli.post.chains import LEAST, Chains
-from multicor_cli.post.clusters import Clusters
+from multicor_cli.post.chains import LEAST, ChainLengths, ChainMap, Chains, Clusters
 from multicor_cli.post.fabric import Fabric
 from multicor_cli.post.lifetimes import Lifetimes
 from multicor_cli.post.table import TimeTable

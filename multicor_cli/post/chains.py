@@ -1,4 +1,7 @@
-"""Force chains: grains that bear more than the mean, joined along their major principal stress."""
+"""What contacts join: clusters of sliding ones, and force chains.
+
+Force chains are grains that bear more than the mean, joined along their major principal stress.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +13,109 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.post.clusters import components
+from multicor_cli.optional import library
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
+from multicor_cli.post.forces import force_network
 from multicor_cli.post.rheology_sums import average_rows
 from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    frame_index,
     frames_of,
     frames_told,
     model_of,
     need_grains,
 )
-from multicor_cli.post.table import Quantity, TimeTable
+from multicor_cli.post.sums import Sums, average
+from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_of_quantities
+
+# ---- Clusters of sliding contacts
+
+OF_CLUSTERS = (
+    Quantity("sliding", "share of sliding contacts"),
+    Quantity("clusters", "clusters per 1000 grains"),
+    Quantity("mean_size", "mean size, by number (contacts)"),
+    Quantity("weight_size", "mean size, by weight (contacts)"),
+    Quantity("largest", "largest cluster (contacts)"),
+    Quantity("largest_share", "its share of the sliding contacts"),
+)
+"""What `clusters` measures, in the order of the table."""
+
+
+def components(i: NDArray[Any], j: NDArray[Any], nodes: int) -> NDArray[np.int64]:
+    """Number of the connected component of each of ``nodes`` nodes, linked ``i`` to ``j``.
+
+    Raises:
+        MissingLibrary: If SciPy is not installed.
+    """
+    links = library("scipy.sparse").coo_array((np.ones(i.size), (i, j)), shape=(nodes, nodes))
+    _, found = library("scipy.sparse.csgraph").connected_components(links, directed=False)
+    return np.asarray(found, np.int64)
+
+
+class Clusters(TimeTable):
+    """Clusters of sliding contacts between grains; ``f`` frames, which count alike in means.
+
+    Two sliding contacts are in one cluster if they have a grain in common (Staron, Vilotte &
+    Radjai, Phys. Rev. Lett. 89, 204302, 2002). The size s of a cluster is the number of its
+    contacts; its mean by weight, Σs²/Σs, is that of the cluster in which a sliding contact is.
+    Contacts with walls do not count: a wall would join all that slide on it.
+
+    Attributes:
+        time: Times of the frames [s], shape ``(f,)``.
+        values: Each of `OF_CLUSTERS` by name, nan where nothing slides, shape ``(f,)``.
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+    """
+
+    KEYS = (
+        "frame_count", "times",
+        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
+    )  # fmt: skip
+
+
+def clusters(source: Run, selection: Selection | None = None) -> Clusters:
+    """The clusters of sliding contacts in frames.
+
+    Args:
+        source: The run.
+        selection: Which frames with forces; default: the later half of the last stage.
+
+    Raises:
+        PostError: If these frames have no contact forces, or one has no grain.
+        MissingLibrary: If SciPy is not installed.
+        StoreError: If the run cannot be read.
+    """
+    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
+    need_grains(source, chosen)
+    rows = []
+    for frame in frames_of(source, chosen):
+        contacts = loaded_contacts(frame, model_of(source, frame))
+        between = ~contacts.is_wall
+        slides = between & np.asarray(frame.contacts.sliding, np.bool_)[contacts.row]
+        i, j = contacts.i[slides], contacts.j[slides]
+        size = np.bincount(components(i, j, contacts.grain_count)[i]) if i.size else np.zeros(0)
+        rows.append(_sizes(size[size > 0], contacts.grain_count, int(between.sum())))
+    values = np.array(rows).T
+    quantities = [q.over_time(own) for q, own in zip(OF_CLUSTERS, values, strict=True)]
+    times = np.asarray(source.frames.time, np.float64)[chosen]
+    return Clusters(times, quantities, frames_told(source, chosen), frames=chosen)
+
+
+def _sizes(size: NDArray[Any], grains: int, contacts: int) -> tuple[float, ...]:
+    """`OF_CLUSTERS` of clusters of these sizes, shape ``(k,)``."""
+    total, number = float(size.sum()), 1e3 * size.size / grains
+    share = total / contacts if contacts else np.nan
+    if not total:
+        return share, number, np.nan, np.nan, 0.0, np.nan
+    largest = float(size.max())
+    return (
+        share, number, float(size.mean()), float((size**2).sum()) / total, largest, largest / total
+    )  # fmt: skip
+
+
+# ---- The chains of a frame
 
 ANGLE = 45.0
 """Largest angle [°] between a branch and the major principal stress of its grains, by default."""
@@ -32,7 +125,7 @@ LEAST = 3
 
 _ROUNDING = 1e-9
 
-QUANTITIES = (
+OF_CHAINS = (
     Quantity("chains", "chains per 1000 grains"),
     Quantity("share", "share of the grains in chains"),
     Quantity("mean_length", "mean length (grains)"),
@@ -42,8 +135,6 @@ QUANTITIES = (
     Quantity("order", "nematic order of the links"),
 )
 """What `chains` measures, in the order of the table."""
-
-# ---- The chains of a frame
 
 
 @dataclass(frozen=True)
@@ -117,7 +208,7 @@ def decay_length(mean: Any) -> Any:
         return 1.0 / np.log1p(1.0 / beyond)
 
 
-# ---- Over time
+# ---- Chains over time
 
 
 class Chains(TimeTable):
@@ -134,7 +225,7 @@ class Chains(TimeTable):
 
     Attributes:
         time: Times of the frames [s], shape ``(f,)``.
-        values: Each of `QUANTITIES` by name, nan where not known, shape ``(f,)``.
+        values: Each of `OF_CHAINS` by name, nan where not known, shape ``(f,)``.
         angle: Largest angle [°].
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
@@ -170,7 +261,7 @@ def chains(source: Run, selection: Selection | None = None, *, angle: float = AN
         ))  # fmt: skip
     times = np.asarray(source.frames.time, np.float64)[chosen]
     averages = average_rows(_derive, np.array(rows, np.float64), times)
-    quantities = [q.over_time(averages.values[q.name]) for q in QUANTITIES]
+    quantities = [q.over_time(averages.values[q.name]) for q in OF_CHAINS]
     parts: dict[str, Any] = {"mean": averages.mean, "spread": averages.spread, "frames": chosen}
     facts = {"angle": angle, **frames_told(source, chosen)}
     return Chains(times, quantities, facts, **parts)
@@ -203,3 +294,111 @@ def find_all(
             yield contacts, find_chains(contacts, model, angle)
 
     return chosen, found()
+
+
+# ---- How long chains are
+
+
+class ChainLengths(Table):
+    """Distribution of the lengths of force chains; a row for each of ``r`` lengths from 3 on.
+
+    Attributes:
+        length: Lengths l in grains, shape ``(r,)``.
+        P: Share of the chains of all frames, shape ``(r,)``; ``error``: standard errors.
+        count: Chains in all frames, shape ``(r,)``.
+        decay_length: l₀ of P(l) ∝ exp(−l/l₀) of greatest likelihood; ``decay_length_error``.
+        angle: Largest angle of `Chains` [°].
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+    """
+
+
+def chain_lengths(
+    source: Run, selection: Selection | None = None, *, angle: float = ANGLE
+) -> ChainLengths:
+    """How long force chains are.
+
+    Args:
+        source: The run.
+        selection: Which frames with forces; default: the later half of the last stage.
+        angle: As `chains`.
+
+    Raises:
+        PostError: As `chains`, or if there is no chain in these frames.
+        MissingLibrary: If SciPy is not installed.
+        StoreError: If the run cannot be read.
+    """
+    chosen, found = find_all(source, selection, angle)
+    lengths = [own.length for _, own in found]
+    longest = max(int(own.max(initial=0)) for own in lengths)
+    if not longest:
+        raise PostError("there is no force chain in these frames: choose others, or raise --angle")
+    count = np.array([np.bincount(own, minlength=longest + 1)[LEAST:] for own in lengths])
+    number = count.sum(axis=1, dtype=np.float64)
+    weight = np.repeat(number[:, np.newaxis], count.shape[1], axis=1)
+    share, error = average(Sums(count.astype(np.float64), weight, weight))
+    sums = np.column_stack([[own.sum() for own in lengths], number])
+    times = np.asarray(source.frames.time, np.float64)[chosen]
+    decay = average_rows(lambda rows: {"it": decay_length(rows[:, 0] / rows[:, 1])}, sums, times)
+    columns = [
+        Column("length", "", np.arange(LEAST, longest + 1), "grains"),
+        Column("P", "1", share),
+        Column("error", "1", error, "standard error", "standard_error"),
+        Column("count", "", count.sum(axis=0), "chains"),
+    ]
+    facts = {
+        "decay_length": decay.mean["it"], "decay_length_error": float(decay.spread["it"].error),
+        "angle": angle, **frames_told(source, chosen),
+    }  # fmt: skip
+    return ChainLengths(columns, facts, frames=chosen)
+
+
+# ---- The chains of one frame
+
+
+class ChainMap(Table):
+    """The force chains of one frame: numbers of them as rows, the grains in chains as details.
+
+    Attributes:
+        chain: Number of the chain, from the longest on, of each grain in one, shape ``(g,)``.
+        grain: These grains, shape ``(g,)``.
+        stress: Their major principal stress [N/m], shape ``(g,)``.
+        degrees: Its direction, shape ``(g,)``.
+        network: The force network of the frame.
+        link: Which of its contacts are links of chains.
+        frame: Index of the frame.
+        time: Time of the frame [s].
+    """
+
+
+def chain_map(source: Run, frame: int = -1, *, angle: float = ANGLE) -> ChainMap:
+    """The force chains of one frame.
+
+    Args:
+        source: The run.
+        frame: Index of the frame; negative counts from the last one.
+        angle: As `chains`.
+
+    Raises:
+        PostError: If there is no such frame, or as `chains`.
+        MissingLibrary: If SciPy is not installed.
+        StoreError: If the run cannot be read.
+    """
+    index = frame_index(source.frames, frame)
+    selection = Selection(frames=slice(index, index + 1))
+    found = chains(source, selection, angle=angle)
+    [(_, own)] = find_all(source, selection, angle)[1]
+    network = force_network(source, index)
+    in_chain = np.flatnonzero(own.of_grain >= 0)
+    grain = in_chain[np.argsort(own.of_grain[in_chain], kind="stable")]
+    degrees = np.degrees(own.direction[grain]) % 180.0
+    x, y = network.scene.center[grain].T
+    details = [
+        Column("chain", "", own.of_grain[grain]), Column("grain", "", grain),
+        Column("x", "m", x), Column("y", "m", y),
+        Column("stress", "N/m", own.stress[grain], "major principal stress"),
+        Column("degrees", "deg", degrees, "its direction"),
+    ]  # fmt: skip
+    rows = [(column.heading, found.mean[column.name]) for column in found.quantities]
+    facts = {"frame": index, "time": network.time, "angle": angle, **found.mean}
+    return ChainMap(values_of_quantities(rows), facts, details, network=network, link=own.link)

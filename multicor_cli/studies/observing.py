@@ -17,10 +17,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.avalanches import EVENTS, avalanches
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
-from multicor_cli.post.chains import QUANTITIES as OF_CHAINS
-from multicor_cli.post.chains import chains
-from multicor_cli.post.clusters import QUANTITIES as OF_CLUSTERS
-from multicor_cli.post.clusters import clusters
+from multicor_cli.post.chains import OF_CHAINS, OF_CLUSTERS, chains, clusters
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
 from multicor_cli.post.correlation import LENGTHS, correlation
