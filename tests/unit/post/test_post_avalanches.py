@@ -5,8 +5,7 @@ import pytest
 from made_up_groups import source_of_series
 
 from multicor_cli.post import PostError, avalanches
-from multicor_cli.post.avalanches import find_events
-from multicor_cli.post.power_law import fit_power_law
+from multicor_cli.post.avalanches import find_events, fit_power_law
 
 
 def saw_tooth(teeth, rising=8, falling=2, height=3.0, sign=1.0):
