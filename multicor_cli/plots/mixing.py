@@ -17,8 +17,7 @@ from multicor_cli.plots.style import (
     draw_text,
     legend_above,
 )
-from multicor_cli.post.mixing import Mixing
-from multicor_cli.post.segregation import Segregation
+from multicor_cli.post.mixing import Mixing, Segregation
 from multicor_cli.text import unit_sign
 
 _INDEX = "mixing index $M$ [–]"

@@ -438,7 +438,6 @@ _DRAWN_IN = {
     **dict.fromkeys(("fabric", "chains", "lifetimes"), "texture"),
     **dict.fromkeys(("correlation", "structure_factor", "voronoi"), "structure"),
     "mobilization": "forces",
-    "segregation": "mixing",
 }
 """Modules that draw tables of several others."""
 

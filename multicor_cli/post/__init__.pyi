@@ -53,7 +53,9 @@ from .lifetimes import lifetimes as lifetimes
 from .mean_heat import MeanHeat as MeanHeat
 from .mean_heat import mean_heat as mean_heat
 from .mixing import Mixing as Mixing
+from .mixing import Segregation as Segregation
 from .mixing import mixing as mixing
+from .mixing import segregation as segregation
 from .mobilization import Mobilization as Mobilization
 from .mobilization import mobilization as mobilization
 from .profile import ProfileSet as ProfileSet
@@ -71,8 +73,6 @@ from .residence import Residence as Residence
 from .residence import residence as residence
 from .rheology import Rheology as Rheology
 from .rheology import rheology as rheology
-from .segregation import Segregation as Segregation
-from .segregation import segregation as segregation
 from .source import PostError as PostError
 from .source import Selection as Selection
 from .source import frame_index as frame_index

@@ -13,10 +13,9 @@ from multicor_cli.post.energy import HEAT, MECHANICAL
 from multicor_cli.post.field_sums import Known, field_list
 from multicor_cli.post.forces import NUMBERS
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES
-from multicor_cli.post.mixing import MIXING
+from multicor_cli.post.mixing import MIXING, SEGREGATION
 from multicor_cli.post.region import QUANTITIES as OF_REGION
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
-from multicor_cli.post.segregation import SEGREGATION
 from multicor_cli.post.table import Quantity, split_unit
 from multicor_cli.store import schema
 from multicor_cli.text import unit_sign
