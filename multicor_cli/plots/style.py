@@ -436,7 +436,7 @@ _DRAWN_IN = {
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
     **dict.fromkeys(("avalanches", "residence"), "events"),
     **dict.fromkeys(("fabric", "chains", "lifetimes"), "texture"),
-    **dict.fromkeys(("correlation", "structure_factor", "voronoi"), "structure"),
+    **dict.fromkeys(("correlation", "voronoi"), "structure"),
     "mobilization": "forces",
 }
 """Modules that draw tables of several others."""

@@ -77,9 +77,9 @@ from .source import PostError as PostError
 from .source import Selection as Selection
 from .source import frame_index as frame_index
 from .structure import PairCorrelation as PairCorrelation
+from .structure import StructureFactor as StructureFactor
 from .structure import pair_correlation as pair_correlation
-from .structure_factor import StructureFactor as StructureFactor
-from .structure_factor import structure_factor as structure_factor
+from .structure import structure_factor as structure_factor
 from .table import Column as Column
 from .table import Quantity as Quantity
 from .table import Table as Table

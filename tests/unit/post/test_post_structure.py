@@ -9,7 +9,7 @@ from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, pair_correlation, structure_factor
 from multicor_cli.post.lattice import Lattice
-from multicor_cli.post.structure_factor import amplitudes
+from multicor_cli.post.structure import amplitudes
 
 ALL = Selection(start=0.0)
 FRAMES = 30
