@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import make_bins
 from multicor_cli.post.flow import RelativeFrame, fit_flow, mean_flow
-from multicor_cli.post.lattice import relative_velocity
-from multicor_cli.post.pairs import pair_sums
+from multicor_cli.post.lattice import pair_sums, relative_velocity
 from multicor_cli.post.source import (
     Frame,
     PostError,

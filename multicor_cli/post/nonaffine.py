@@ -9,8 +9,7 @@ import numpy as np
 
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of
-from multicor_cli.post.pairs import near_pairs
+from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, near_pairs
 from multicor_cli.post.source import Frame, need_same_grains
 
 NEIGHBORHOOD = 2.5

@@ -11,8 +11,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
-from multicor_cli.post.lattice import Lattice, lattice_of
-from multicor_cli.post.pairs import pair_sums
+from multicor_cli.post.lattice import Lattice, lattice_of, pair_sums
 from multicor_cli.post.source import (
     Frame,
     PostError,

@@ -5,9 +5,8 @@ import pytest
 from made_up_frames import frame_of, source_of
 from scene_parts import make_model
 
-from multicor_cli.post import PostError, Selection, pair_correlation, pairs
-from multicor_cli.post.lattice import Lattice
-from multicor_cli.post.pairs import near_pairs, pair_sums
+from multicor_cli.post import PostError, Selection, pair_correlation
+from multicor_cli.post.lattice import Lattice, near_pairs, pair_sums
 
 
 def scattered(lattice, count=90):
@@ -45,7 +44,7 @@ def all_ways(points, lattice, reach):
 )
 def test_pairs_and_their_sums(monkeypatch, lattice, make, chunk):
     """Each pair once, also with several images of a grain and with itself, whatever the chunks."""
-    monkeypatch.setattr(pairs, "_CHUNK", chunk)
+    monkeypatch.setattr("multicor_cli.post.lattice._CHUNK", chunk)
     points, width, count = make(lattice), 0.37, 14
     i, j, distance = all_ways(points, lattice, (count + 0.5) * width)
     which, found = near_pairs(points, lattice, (count + 0.5) * width)
