@@ -28,7 +28,7 @@ from multicor_cli.post.source import (
     need_same_grains,
 )
 from multicor_cli.post.table import Quantity
-from multicor_cli.post.tessellation import Cells, cells_of
+from multicor_cli.post.voronoi import Cells, cells_of
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.
@@ -359,7 +359,7 @@ included, averaged over all grains, rattlers included. Stresses are forces per l
 positive: σ_ab is the flux of the momentum along a through a line across b, so a flow in which the
 upper layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress. The
 local solid fraction is the area of a grain over that of its radical cell, hexatic order the modulus
-of ψ₆ of its neighbors there (`multicor_cli.post.tessellation.Cells`), and d2min the motion beside
+of ψ₆ of its neighbors there (`multicor_cli.post.voronoi.Cells`), and d2min the motion beside
 that of the neighborhood from a frame to the next (`multicor_cli.post.nonaffine.d2min`).
 """
 

@@ -11,7 +11,7 @@ from multicor_cli.model import ShapeKind
 from multicor_cli.model.shapes import WallBody
 from multicor_cli.post import PostError, Selection, grain_map, profile, voronoi
 from multicor_cli.post.lattice import Lattice
-from multicor_cli.post.tessellation import WALL, cells_of
+from multicor_cli.post.voronoi import WALL, cells_of
 
 ALL = Selection(start=0.0)
 
