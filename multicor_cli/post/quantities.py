@@ -17,8 +17,7 @@ from multicor_cli.post.contacts import (
     with_conduction,
     with_forces,
 )
-from multicor_cli.post.flow import fluctuations
-from multicor_cli.post.nonaffine import d2min
+from multicor_cli.post.flow import d2min, fluctuations
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -360,7 +359,7 @@ positive: σ_ab is the flux of the momentum along a through a line across b, so 
 upper layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress. The
 local solid fraction is the area of a grain over that of its radical cell, hexatic order the modulus
 of ψ₆ of its neighbors there (`multicor_cli.post.voronoi.Cells`), and d2min the motion beside
-that of the neighborhood from a frame to the next (`multicor_cli.post.nonaffine.d2min`).
+that of the neighborhood from a frame to the next (`multicor_cli.post.flow.d2min`).
 """
 
 PROFILED: dict[str, GrainQuantity] = {

@@ -9,7 +9,7 @@ from from_wall_to_wall import profile
 from made_up_frames import source_of
 
 from multicor_cli.post import PROFILED, PostError, Selection, grain_map
-from multicor_cli.post.nonaffine import d2min
+from multicor_cli.post.flow import d2min
 
 ALL = Selection(frames=slice(None))
 

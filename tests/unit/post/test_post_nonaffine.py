@@ -8,7 +8,7 @@ from made_up_frames import frame_of, source_of
 from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, grain_map, profile
-from multicor_cli.post.nonaffine import NEIGHBORHOOD, d2min
+from multicor_cli.post.flow import NEIGHBORHOOD, d2min
 
 ALL = Selection(start=0.0)
 WIDTH, HEIGHT, TILT = 14.0, 12.0, 6.5
