@@ -18,7 +18,6 @@ from multicor_cli.post.contacts import (
     with_conduction,
 )
 from multicor_cli.post.lattice import lattice_of
-from multicor_cli.post.materials import left_out
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -26,6 +25,7 @@ from multicor_cli.post.source import (
     Selection,
     frames_of,
     frames_told,
+    left_out,
     model_of,
     need_grains,
 )

@@ -12,9 +12,16 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
-from multicor_cli.post.source import Frame, PostError, Run, frame_index, model_of, need_grains
+from multicor_cli.post.source import (
+    Frame,
+    PostError,
+    Run,
+    frame_index,
+    model_of,
+    need_grains,
+    placed_walls,
+)
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
-from multicor_cli.post.walls import placed_walls
 from multicor_cli.text import choices
 
 # ---- The grains and walls of a frame as shapes that can be drawn

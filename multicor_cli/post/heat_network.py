@@ -7,8 +7,7 @@ import numpy as np
 from multicor_cli.model import Model
 from multicor_cli.post.contacts import HeatFlows, heat_flows, with_conduction
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.materials import left_out
-from multicor_cli.post.source import Run, frame_index, model_of, need_grains, need_heat
+from multicor_cli.post.source import Run, frame_index, left_out, model_of, need_grains, need_heat
 from multicor_cli.post.table import Column, Table, values_of_quantities
 
 _STRONGEST = 0.1  # part of the contacts whose share of the flow is told

@@ -11,7 +11,6 @@ from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.flash import flash_rise, spot_peclet
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, shape_temperatures, with_forces
-from multicor_cli.post.materials import properties
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -22,6 +21,7 @@ from multicor_cli.post.source import (
     model_of,
     need_grains,
     need_heat,
+    properties,
 )
 from multicor_cli.post.table import Quantity, TimeTable
 

@@ -21,7 +21,6 @@ from multicor_cli.post.contacts import (
     loaded_contacts,
     with_conduction,
 )
-from multicor_cli.post.materials import left_out, solid_conductivity
 from multicor_cli.post.mean_heat import SHARES, WAYS
 from multicor_cli.post.rheology import Band, find_band
 from multicor_cli.post.rheology_sums import average_ratios, sums_between
@@ -32,14 +31,16 @@ from multicor_cli.post.source import (
     Selection,
     frames_of,
     frames_told,
+    left_out,
     model_of,
     need_grains,
     need_heat,
+    solid_conductivity,
+    turned,
     wall_temperatures,
 )
 from multicor_cli.post.sums import plane_width
 from multicor_cli.post.table import Quantity, TimeTable
-from multicor_cli.post.turned import turned
 
 
 class _Layer(NamedTuple):

@@ -1,17 +1,19 @@
-"""Which frames and grains of a run post-processing looks at, and what it needs of them."""
+"""What tables read of a run: frames, grains of groups, places of walls, materials."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.shapes import TAIL, Outline, Tail, outlines
 from multicor_cli.store.errors import NoFrame, frame_number
 from multicor_cli.text import choices
 
@@ -278,3 +280,155 @@ def of_groups(source: Run, names: Sequence[str]) -> Run:
             raise PostError(f"there is no group '{name}'; {choices(name, known)}")
     groups = np.array([known.index(name) for name in names], np.int64)
     return cast("Run", SimpleNamespace(model=source.model, frames=_Frames(source, groups)))
+
+
+# ---- A run turned by a right angle: what is measured from below upwards is from left to right
+
+
+def turned(source: Run) -> Run:
+    """The run, turned to the left: places, normals and walls; not its time series.
+
+    What lies at (x, y) is at (−y, x) there: a wall on the left of the grains is below them. The
+    domain must not be periodic.
+    """
+    return cast("Run", _TurnedRun(source))
+
+
+def _turn(vectors: ArrayLike) -> Floats:
+    """Vectors, or what begins with them, of shape ``(…, k)`` with k ≥ 2."""
+    found = np.array(vectors, np.float64)
+    found[..., 0], found[..., 1] = -found[..., 1].copy(), found[..., 0].copy()
+    return found
+
+
+def _turn_model(model: Model) -> Model:
+    shapes, tail = model.shapes, TAIL[model.shapes.kind]
+    moves = (tail == Tail.DIRECTION) | (tail == Tail.POINT)
+    geometry = _turn(shapes.geometry)
+    geometry[moves, 2:] = _turn(geometry[moves, 2:])
+    return replace(model, shapes=replace(shapes, geometry=geometry))
+
+
+@dataclass(frozen=True)
+class _TurnedContacts:
+    contacts: Any
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.contacts, name)
+
+    @cached_property
+    def normal(self) -> Floats:
+        return _turn(self.contacts.normal)
+
+
+@dataclass(frozen=True)
+class _TurnedFrame:
+    frame: Frame
+    model: Model
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.frame, name)
+
+    @cached_property
+    def position(self) -> Floats:
+        return _turn(self.frame.position)
+
+    @cached_property
+    def wall_position(self) -> Floats:
+        return _turn(self.frame.wall_position)
+
+    @cached_property
+    def contacts(self) -> _TurnedContacts:
+        return _TurnedContacts(self.frame.contacts)
+
+
+@dataclass(frozen=True)
+class _TurnedFrames:
+    source: Run
+    model: Model
+
+    def __getattr__(self, name: str) -> Any:  # the times, for one
+        return getattr(self.source.frames, name)
+
+    def __getitem__(self, index: int) -> Any:
+        frame = self.source.frames[index]
+        model = model_of(self.source, frame)
+        return _TurnedFrame(frame, self.model if model is self.source.model else _turn_model(model))
+
+
+@dataclass(frozen=True)
+class _TurnedRun:
+    source: Run
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.source, name)
+
+    @cached_property
+    def model(self) -> Model:
+        return _turn_model(self.source.model)
+
+    @cached_property
+    def frames(self) -> _TurnedFrames:
+        return _TurnedFrames(self.source, self.model)
+
+
+# ---- Where the walls of a frame are
+
+
+def placed_walls(
+    model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
+) -> Iterator[tuple[NDArray[np.int64], Outline]]:
+    """Which shapes of the walls asked for, with outlines at ``pose`` [m, rad], kind by kind."""
+    shapes, asked = model.shapes, np.arange(model.shape_count)
+    if is_asked is not None:
+        asked = np.flatnonzero(is_asked[shapes.wall])
+    for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
+        own = pose[shapes.wall[asked[which]]]
+        points = _rotated(outline.points, own[:, np.newaxis, 2]) + own[:, np.newaxis, :2]
+        normal = None if outline.normal is None else _rotated(outline.normal, own[:, 2])
+        yield asked[which], replace(outline, points=points, normal=normal)
+
+
+def _rotated(vectors: Floats, angle: Floats) -> Floats:
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+# ---- What the scenario of a run says of materials and of heat: models do not hold it
+
+
+def properties(source: Run, key: str) -> Floats:
+    """A property of each material of the model; nan where it is not given, shape ``(k,)``."""
+    said = tomllib.loads(source.scenario_resolved).get("materials", {})
+    return np.array([said.get(name, {}).get(key, np.nan) for name in source.model.materials], float)
+
+
+def solid_conductivity(source: Run) -> float:
+    """The conductivity of the grains [W/(m K)]; nan if they have none, or several."""
+    found = np.unique(properties(source, "conductivity")[np.unique(source.model.grains.material)])
+    return float(found[0]) if found.size == 1 else np.nan
+
+
+def gas_conductivity(source: Run) -> float:
+    """The conductivity of the gas, in the gaps or around the grains [W/(m K)]; nan without one."""
+    heat = heat_table(source)
+    said = heat.get("gas", {}).get("conductivity", heat.get("ambient", {}).get("conductivity"))
+    return np.nan if said is None else float(said)
+
+
+def heat_table(source: Run) -> dict[str, Any]:
+    """The table ``[heat]`` of the scenario, with all defaults; empty in a run without heat."""
+    found: dict[str, Any] = tomllib.loads(source.scenario_resolved).get("heat", {})
+    return found
+
+
+def left_out(source: Run) -> str:
+    """What conducts beside the contacts, in the scenario of the run; empty if nothing does."""
+    heat = heat_table(source)
+    ways = []
+    if "gas" in heat:
+        ways.append("the gas in the gaps")
+    if heat.get("radiation", {}).get("neighbors"):
+        ways.append("radiation between neighbors")
+    return " and ".join(ways)

@@ -23,11 +23,11 @@ from multicor_cli.post.source import (
     frames_told,
     model_of,
     need_grains,
+    placed_walls,
 )
 from multicor_cli.post.structure import margin_of, region_of
 from multicor_cli.post.sums import Spread, of_sums
 from multicor_cli.post.table import Column, Quantity, Table, line_of
-from multicor_cli.post.walls import placed_walls
 
 WALL = -1
 """What lies across a side on a smooth wall."""

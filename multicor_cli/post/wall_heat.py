@@ -12,7 +12,6 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import GIVEN, X
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.model.shapes import Outline
-from multicor_cli.post.materials import gas_conductivity, solid_conductivity
 from multicor_cli.post.rheology_sums import average_ratios
 from multicor_cli.post.source import (
     Frame,
@@ -21,14 +20,16 @@ from multicor_cli.post.source import (
     Selection,
     frames_of,
     frames_told,
+    gas_conductivity,
     model_of,
     need_grains,
     need_heat,
+    placed_walls,
     refuse_cell,
+    solid_conductivity,
     wall_temperatures,
 )
 from multicor_cli.post.table import Column, Quantity, TimeTable
-from multicor_cli.post.walls import placed_walls
 from multicor_cli.text import choices
 
 Over = Literal["solid", "gas"]
