@@ -21,14 +21,13 @@ from multicor_cli.plots.style import (
     legend_above,
     show_decades,
 )
-from multicor_cli.post.cell_rheology import CellRheology
 from multicor_cli.post.conductivity import Conductivity
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
 from multicor_cli.post.layer_conductivity import LayerConductivity, LayerFlow
 from multicor_cli.post.mean_heat import WAYS, MeanHeat
 from multicor_cli.post.region import RegionTable
-from multicor_cli.post.rheology import Rheology
+from multicor_cli.post.rheology import CellRheology, Rheology
 from multicor_cli.post.table import TimeTable
 from multicor_cli.post.wall_heat import WallHeatTable
 from multicor_cli.text import unit_sign, with_error

@@ -428,7 +428,7 @@ def _frame(
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
 _OVER_TIME = (
-    "cell_rheology", "conductivity", "crossings", "energy", "layer_conductivity", "mean_heat",
+    "conductivity", "crossings", "energy", "layer_conductivity", "mean_heat",
     "region", "rheology", "wall_heat",
 )  # fmt: skip
 _DRAWN_IN = {

@@ -1,6 +1,5 @@
 from .avalanches import Avalanches as Avalanches
 from .avalanches import avalanches as avalanches
-from .cell_rheology import CellRheology as CellRheology
 from .chains import ChainLengths as ChainLengths
 from .chains import ChainMap as ChainMap
 from .chains import Chains as Chains
@@ -71,6 +70,7 @@ from .region import RegionTable as RegionTable
 from .region import in_region as in_region
 from .residence import Residence as Residence
 from .residence import residence as residence
+from .rheology import CellRheology as CellRheology
 from .rheology import Rheology as Rheology
 from .rheology import rheology as rheology
 from .source import PostError as PostError

@@ -16,7 +16,6 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.optional import library
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.forces import force_network
-from multicor_cli.post.rheology_sums import average_rows
 from multicor_cli.post.source import (
     PostError,
     Run,
@@ -28,7 +27,14 @@ from multicor_cli.post.source import (
     need_grains,
 )
 from multicor_cli.post.sums import Sums, average
-from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_of_quantities
+from multicor_cli.post.table import (
+    Column,
+    Quantity,
+    Table,
+    TimeTable,
+    average_rows,
+    values_of_quantities,
+)
 
 # ---- Clusters of sliding contacts
 

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, find_extent
+from multicor_cli.post.bulk import Band, find_band, strain_and_spin
 from multicor_cli.post.flow import fit_flow
 from multicor_cli.post.lattice import shear_rate_of
 from multicor_cli.post.mean_heat import intervals_to_forget
-from multicor_cli.post.rheology import Band, find_band, strain_and_spin
-from multicor_cli.post.rheology_sums import average_ratios
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -28,7 +27,7 @@ from multicor_cli.post.source import (
     need_same_grains,
 )
 from multicor_cli.post.sums import spread
-from multicor_cli.post.table import Column, Table
+from multicor_cli.post.table import Column, Table, average_ratios
 
 LAGS = 40
 """Most lags of the table, evenly spaced on a logarithmic scale."""

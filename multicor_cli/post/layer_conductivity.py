@@ -13,6 +13,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import GIVEN
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Extent, find_extent, heights, wall_spans
+from multicor_cli.post.bulk import Band, find_band
 from multicor_cli.post.conductivity import Network, thickness_of
 from multicor_cli.post.contacts import (
     NOTHING_CONDUCTS,
@@ -22,8 +23,6 @@ from multicor_cli.post.contacts import (
     with_conduction,
 )
 from multicor_cli.post.mean_heat import SHARES, WAYS
-from multicor_cli.post.rheology import Band, find_band
-from multicor_cli.post.rheology_sums import average_ratios, sums_between
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -40,7 +39,7 @@ from multicor_cli.post.source import (
     wall_temperatures,
 )
 from multicor_cli.post.sums import plane_width
-from multicor_cli.post.table import Quantity, TimeTable
+from multicor_cli.post.table import Quantity, TimeTable, average_ratios, sums_between
 
 
 class _Layer(NamedTuple):

@@ -12,7 +12,6 @@ from multicor_cli.post.bins import Between
 from multicor_cli.post.bulk import Bulk, find_bulk
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.diffusion import LAGS
-from multicor_cli.post.rheology_sums import average_ratios
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -23,7 +22,7 @@ from multicor_cli.post.source import (
     model_of,
 )
 from multicor_cli.post.sums import Sums, average
-from multicor_cli.post.table import Column, Table
+from multicor_cli.post.table import Column, Table, average_ratios
 
 KINDS = ("contacts", "strong", "sliding")
 """Which contacts: all that carry a force, those with f_n > ⟨f_n⟩, those that slide."""

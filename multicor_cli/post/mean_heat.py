@@ -14,7 +14,6 @@ from multicor_cli.model.cell import over_windows
 from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.post.conductivity import thickness_of
-from multicor_cli.post.rheology_sums import average_ratios, sums_between
 from multicor_cli.post.source import (
     PostError,
     Run,
@@ -24,7 +23,7 @@ from multicor_cli.post.source import (
     frames_told,
     need_grains,
 )
-from multicor_cli.post.table import Quantity, TimeTable
+from multicor_cli.post.table import Quantity, TimeTable, average_ratios, sums_between
 
 WAYS = ("contacts", "gas", "radiation", "motion")
 """What carries heat."""

@@ -1,37 +1,39 @@
-"""Rheology of the bulk of a layer sheared between two walls."""
+"""Rheology of the bulk of a layer sheared between two walls, and of a cell without walls."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model import Model, cell
+from multicor_cli.model.columns import XX, YY, X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import (
     Between,
+    Bins,
     Extent,
     area_below,
     find_extent,
     heights,
     make_bins,
 )
-from multicor_cli.post.cell_rheology import CellRheology, cell_rheology
-from multicor_cli.post.contacts import has_forces
-from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
-from multicor_cli.post.rheology_sums import (
+from multicor_cli.post.bulk import (
     CONTACT_SUMS,
     INERTIAL_NUMBERS,
     OF_CONTACTS,
-    average_ratios,
+    Band,
     contact_sums,
     derive_contacts,
+    find_band,
     inertial_numbers,
+    strain_and_spin,
 )
+from multicor_cli.post.contacts import has_forces
+from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
+from multicor_cli.post.lattice import lattice_of, relative_velocity
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -43,78 +45,14 @@ from multicor_cli.post.source import (
     model_of,
     need_same_grains,
 )
-from multicor_cli.post.table import Quantity, TimeTable
+from multicor_cli.post.table import Quantity, TimeTable, average_ratios, sums_between
 
-# ---- The bulk, far enough from both walls, and what is summed over it between two frames
-
-MARGIN = 8.0
-"""Mean diameters next to a wall that are no bulk: a rough wall disturbs the spins that far."""
-
-_LARGEST = 0.25
-"""Margin of a thin layer over the distance of the walls."""
-_CLEAR = 1.0 / 3.0
-"""Margin between large glued grains over what is free between the surfaces of the walls."""
+# ---- A layer: what is summed over its bulk between two frames
 
 SUM_NAMES = (
     "lapse", "rate", "spin", "solid", "area", "kinetic", "weight", "stress_area", *CONTACT_SUMS,
 )  # fmt: skip
 """Names of the sums of `interval_sums`."""
-
-
-@dataclass(frozen=True)
-class Band:
-    """The heights between which the bulk lies.
-
-    Attributes:
-        bottom: What is left out above the line of the lower wall [m].
-        top: What is left out below the line of the upper wall [m].
-        margin: What is left out next to the surface of each wall [m].
-    """
-
-    extent: Extent
-    bottom: float
-    top: float
-    margin: float
-
-    def edges(self, frame: Frame) -> tuple[float, float]:
-        """Lowest and highest y of the bulk [m]; raises `PostError` if the walls come too near."""
-        floor, span = self.extent.origin(frame), self.extent.span(frame)
-        if not self.bottom + self.top < span:
-            raise PostError(
-                f"no bulk is left between the walls where they come nearest, {span:.4g} m: lower "
-                "--margin, or choose other frames"
-            )
-        return floor + self.bottom, floor + span - self.top
-
-
-def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
-    """The bulk between two walls, ``margin`` mean diameters off their surfaces; see `rheology`.
-
-    Raises:
-        PostError: If the margin is negative or leaves nothing.
-    """
-    diameter = model.mean_diameter
-    if margin is not None and not margin >= 0.0:
-        raise PostError(f"the margin {margin:g} must not be negative")
-    below, above = _glued_radius(model, extent.lower), _glued_radius(model, extent.upper)
-    if margin is None:
-        clear = max(extent.height - below - above, 0.0)
-        edge = min(MARGIN * diameter, _LARGEST * extent.height, _CLEAR * clear)
-    else:
-        edge = margin * diameter
-    band = Band(extent, edge + below, edge + above, edge)
-    if not band.bottom + band.top < extent.height:
-        raise PostError(
-            f"no bulk is left between the walls, {extent.height / diameter:.3g} mean diameters "
-            "apart: lower --margin"
-        )
-    return band
-
-
-def _glued_radius(model: Model, wall: int | None) -> float:
-    """Mean radius of the grains glued to a wall [m]; 0 for a smooth wall."""
-    glued = (model.shapes.wall == wall) & (model.shapes.kind == ShapeKind.DISC)
-    return float(model.shapes.geometry[glued, 2].mean()) if glued.any() else 0.0
 
 
 def interval_sums(
@@ -138,33 +76,7 @@ def interval_sums(
     return np.array([*motion, *bulk, area, *contact_sums(model, second, inside, low, high)])
 
 
-def strain_and_spin(band: Band, model: Model, first: Frame, second: Frame) -> tuple[float, float]:
-    """Strain and rotation of the bulk in an interval; the grains are where they are halfway."""
-    edges = np.mean([band.edges(first), band.edges(second)], axis=0)
-    y = 0.5 * (heights(first) + heights(second))
-    inside = (y > edges[0]) & (y < edges[1])
-    if np.count_nonzero(inside) < 2:
-        raise PostError("there are no two grains in the bulk: lower --margin")
-    turn = _change(first, second, "angle")
-    way = _change(first, second, "position") + model.period * _change(first, second, "image")
-    # The slope of the least-squares line
-    x, away = y[inside] - y[inside].mean(), way[inside] - way[inside].mean()
-    square = float((x * x).sum())
-    strain = float((x * away).sum()) / square if square > 0.0 else math.nan
-    # It weighs the local shear with (y − low)(high − y); so must the rotation.
-    weight = ((y - edges[0]) * (edges[1] - y))[inside]
-    return strain, float(np.average(turn[inside], weights=weight))
-
-
-def _change(first: Frame, second: Frame, name: str) -> Floats:
-    """How much an array of the grains (its first column) differs between two frames."""
-    before, after = (np.asarray(getattr(frame, name), np.float64) for frame in (first, second))
-    change = after - before
-    return np.asarray(change if change.ndim == 1 else change[:, 0])
-
-
-# ---- What is measured there, and its averages
-
+# ---- A layer: what is measured, and its averages
 
 QUANTITIES = (
     Quantity("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
@@ -230,7 +142,7 @@ def rheology(
 ) -> Rheology | CellRheology:
     """Measure the rheology of a layer between two walls that shear it, or of a cell without walls.
 
-    For a cell see `multicor_cli.post.cell_rheology.CellRheology`. Between walls the shear rate is
+    For a cell see `CellRheology`. Between walls the shear rate is
     the least-squares slope of the displacements of the bulk between two frames, the spin its mean
     rotation; wall forces are means over the rows of the time series that end between the two
     frames; the rest is taken at the second of them. A short interval at the end of a stage is one
@@ -310,12 +222,8 @@ def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
     lower, upper = force[:, extent.lower], force[:, extent.upper]
     # Forces are those on the walls. Rows and frames of one step have times equal to the bit.
     shear, press = 0.5 * (lower[:, 0] - upper[:, 0]), 0.5 * (upper[:, 1] - lower[:, 1])
-    interval = np.searchsorted(times, np.asarray(series["time"]), side="left") - 1
-    inside = (interval >= 0) & (interval < times.size - 1)
-    columns = (duration, duration * shear, duration * press)
-    return np.column_stack(
-        [np.bincount(interval[inside], c[inside], minlength=times.size - 1) for c in columns]
-    )
+    rows = np.column_stack([duration, duration * shear, duration * press])
+    return sums_between(np.asarray(series["time"]), times, rows)
 
 
 def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
@@ -333,5 +241,157 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
         "solid_fraction": s["solid"] / s["area"],
         **derive_contacts(s),
         "spin_ratio": s["spin"] / s["rate"],
+        "granular_temperature": s["kinetic"] / s["weight"],
+    }
+
+
+# ---- A cell
+
+_AXES = ("xx", "yy", "xy")
+
+CELL_QUANTITIES = (
+    Quantity("shear_rate", "shear rate", r"\dot\gamma", "1/s"),
+    Quantity("dilation_rate", "rate at which the area grows", r"\dot\varepsilon_v", "1/s"),
+    Quantity("flow_deviation", "deviation from a linear mean flow", r"\delta"),
+    Quantity("pressure", "pressure (σ_xx + σ_yy)/2", "P", "N/m"),
+    Quantity("deviator", "largest shear stress q", "q", "N/m"),
+    *(Quantity(f"stress_{k}", f"stress {k}", rf"\sigma_{{{k}}}", "N/m") for k in _AXES),
+    *(
+        Quantity(
+            f"kinetic_stress_{k}",
+            f"  of this kinetic stress {k}",
+            rf"\sigma^\mathrm{{kin}}_{{{k}}}",
+            "N/m",
+        )
+        for k in _AXES
+    ),
+    *INERTIAL_NUMBERS,
+    Quantity("friction", "friction μ = |σ_xy|/P", r"\mu"),
+    Quantity("normal_difference", "normal stress difference (σ_xx − σ_yy)/P", r"N_1/P"),
+    Quantity("solid_fraction", "solid fraction", r"\nu"),
+    *OF_CONTACTS,
+    Quantity(
+        "spin_over_flow",
+        "mean spin over that of the flow, −rate/2",
+        r"-2\langle\omega\rangle/\dot\gamma",
+    ),
+    Quantity("granular_temperature", "granular temperature", "T_g", "m2/s2"),
+)
+"""What `cell_rheology` measures, in the order of the table."""
+
+_OF_SERIES = (
+    "window", "area", *(f"{of}_{k}" for of in ("stress", "contact", "strain") for k in _AXES),
+)  # fmt: skip
+_OF_FRAMES = ("lapse", "turn", "kinetic", "weight", *CONTACT_SUMS)
+
+
+class CellRheology(TimeTable):
+    """Rheology of a cell over time and on average; ``r`` intervals between consecutive frames.
+
+    Stresses (compression positive) and rates of strain are means over the rows of the time series
+    that end between two frames, so that no step is missed; stresses are those of the contacts,
+    Σ f⊗ℓ, and of the fluctuations, Σ m c⊗c, over the area of the cell, with the velocities c
+    relative to the mean flow. Spins are rotations between two frames; the rest belongs to the
+    second of them.
+
+    q = √(¼(σ_xx − σ_yy)² + σ_xy²). Friction in an interval is negative if σ_xy has another sign
+    there than on average. I and the quantities of contacts are those of
+    `Rheology`, with P = ½(σ_xx + σ_yy). A spin over that of the flow of
+    1 is that of grains that turn with it. The deviation δ is the root mean square of c_x, averaged
+    over time in bins one mean diameter high, over |γ̇| H/√12, that of γ̇ y: 0 where the flow is
+    linear, 1 where it slips in one plane, and of a single interval mostly chance.
+
+    Attributes:
+        time: Ends of the intervals [s], shape ``(r,)``.
+        values: Each of `CELL_QUANTITIES` over time by name, nan where not known, shape ``(r,)``.
+        mean: Averages over the intervals: ratios of sums, not means of ratios.
+        spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
+        width: Mean width of the cell [m].
+        height: Mean height [m].
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+    """
+
+    KEYS = (
+        "width", "height", "frame_count", "times",
+        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
+    )  # fmt: skip
+
+
+def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
+    """The rheology of a cell from the frames ``chosen``; raises `PostError` with fewer than two."""
+    if chosen.size < 2:
+        raise PostError(
+            "rheology needs two frames; only one is selected: choose more with --from or --frames"
+        )
+    model, bins = source.model, make_bins(source, chosen)
+    times = np.asarray(source.frames.time)[chosen]
+    pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
+    rows = [_of_frames(model, bins, *pair, lapse) for pair, lapse in pairs]
+    sums = np.column_stack([_of_series(source, times), np.array(rows)])
+    shear = float(sums[:, _OF_SERIES.index("stress_xy")].sum())
+    found = average_ratios(
+        lambda rows: _derive_cell(model, bins.extent.height, float(np.sign(shear)), rows),
+        sums,
+        times,
+    )
+    widths = [lattice_of(model, frame).width for frame in frames_of(source, chosen)]
+    facts = {
+        "width": float(np.mean(widths)), "height": bins.extent.height, **frames_told(source, chosen)
+    }  # fmt: skip
+    quantities = [q.over_time(found.values[q.name]) for q in CELL_QUANTITIES]
+    parts: dict[str, Any] = {"mean": found.mean, "spread": found.spread, "frames": chosen}
+    return CellRheology(times[1:], quantities, facts, **parts)
+
+
+def _of_series(source: Run, times: Floats) -> Floats:
+    """Sums `_OF_SERIES` over the windows that end in each interval, shape ``(r, …)``."""
+    series = source.series
+    duration = np.asarray(series["window_duration"])
+    sides, rate = (np.asarray(series[f"wall_{of}"])[:, 0] for of in ("position", "velocity"))
+    virial = np.asarray(series["virial_rate"])
+    contact = (virial[:, 0, 0], virial[:, 1, 1], virial[:, 0, 1])
+    area, rates = cell.over_windows(sides[:, XX] * sides[:, YY]), cell.over_windows(rate)
+    columns = [np.ones(len(area)), area, *np.asarray(series["wall_force"])[:, 0].T, *contact]
+    rows = duration[:, np.newaxis] * np.column_stack([*columns, *rates.T])
+    return sums_between(np.asarray(series["time"]), times, rows)
+
+
+def _of_frames(model: Model, bins: Bins, first: Frame, second: Frame, lapse: float) -> Floats:
+    """Sums `_OF_FRAMES`, then c_x times area and area of the grains in each bin."""
+    slip, everywhere = relative_velocity(second), np.ones(model.grain_count, np.bool_)
+    turn = np.asarray(second.angle, np.float64) - np.asarray(first.angle, np.float64)
+    motion = (lapse, turn.mean(), 0.5 * (slip**2).sum(), len(slip))
+    shares = bins.share(heights(second), model.grains.radius, bins.place(second))
+    moved = bins.total(shares, shares.area * slip[shares.grain, X])
+    contacts = contact_sums(model, second, everywhere, -np.inf, np.inf)
+    return np.array([*motion, *contacts, *moved, *bins.total(shares, shares.area)])
+
+
+def _derive_cell(model: Model, height: float, sign: float, sums: Floats) -> dict[str, Floats]:
+    """Each of `CELL_QUANTITIES` from rows of sums; ``sign`` is that of the mean σ_xy."""
+    names = (*_OF_SERIES, *_OF_FRAMES)
+    s = dict(zip(names, sums.T, strict=False))
+    moved, area = np.split(sums[:, len(names) :], 2, axis=1)
+    stress = {k: s[f"stress_{k}"] / s["area"] for k in _AXES}
+    rate, pressure = s["strain_xy"] / s["window"], 0.5 * (stress["xx"] + stress["yy"])
+    half = 0.5 * (stress["xx"] - stress["yy"])
+    deviation = np.sqrt(((moved / area) ** 2).mean(axis=1))
+    return {
+        "shear_rate": rate,
+        "dilation_rate": (s["strain_xx"] + s["strain_yy"]) / s["window"],
+        "flow_deviation": deviation / (np.abs(rate) * height / np.sqrt(12.0)),
+        "pressure": pressure,
+        "deviator": np.hypot(half, stress["xy"]),
+        **{f"stress_{k}": stress[k] for k in _AXES},
+        **{
+            f"kinetic_stress_{k}": (s[f"stress_{k}"] - s[f"contact_{k}"]) / s["area"] for k in _AXES
+        },
+        **inertial_numbers(model, rate, pressure),
+        "friction": sign * stress["xy"] / pressure,
+        "normal_difference": 2.0 * half / pressure,
+        "solid_fraction": np.pi * (model.grains.radius**2).sum() * s["window"] / s["area"],
+        **derive_contacts(s),
+        "spin_over_flow": -2.0 * (s["turn"] / s["lapse"]) / rate,
         "granular_temperature": s["kinetic"] / s["weight"],
     }

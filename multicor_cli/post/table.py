@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -13,7 +13,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
-from multicor_cli.post.sums import Spread, spread
+from multicor_cli.post.sums import Spread, pseudo_values, spread
 from multicor_cli.text import with_unit_signs
 
 _SHOWN = 60  # rows in a notebook
@@ -315,3 +315,63 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "–" if math.isnan(value) else f"{value:.5g}"
     return html.escape(with_unit_signs(str(value)))
+
+
+# ---- Sums over intervals between frames, and averages that are ratios of them
+
+
+def sums_between(series: Floats, times: Floats, rows: Floats) -> Floats:
+    """Sums of the ``rows`` of a time series that end between two frames, shape ``(r, …)``.
+
+    ``series`` are the times of the rows, ``times`` those of the frames, in ``r`` intervals [s].
+    """
+    interval = np.searchsorted(times, series, side="left") - 1
+    inside = (interval >= 0) & (interval < times.size - 1)
+    return np.column_stack(
+        [np.bincount(interval[inside], row[inside], minlength=times.size - 1) for row in rows.T]
+    )
+
+
+class Averages(NamedTuple):
+    """Quantities by name: in each interval, of all of them, and the errors of these."""
+
+    values: dict[str, Floats]
+    mean: dict[str, float]
+    spread: dict[str, Spread]
+
+
+def average_ratios(
+    derive: Callable[[Floats], dict[str, Floats]], sums: Floats, times: Floats
+) -> Averages:
+    """Quantities that ``derive`` makes of rows of sums, from ratios of the sums of all rows.
+
+    Args:
+        derive: Makes them; of what is not finite there is no value.
+        sums: A row for each interval between two of the ``times`` [s].
+        times: Times of the frames.
+    """
+    return average_rows(derive, sums, 0.5 * (times[1:] + times[:-1]))
+
+
+def average_rows(
+    derive: Callable[[Floats], dict[str, Floats]], sums: Floats, times: Floats
+) -> Averages:
+    """As `average_ratios`, of rows that each have a time [s]."""
+
+    def known(rows: Floats) -> dict[str, Floats]:
+        # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return {n: np.where(np.isfinite(v), v, np.nan) for n, v in derive(rows).items()}
+
+    whole = sums.sum(axis=0)
+    mean = {name: float(value[0]) for name, value in known(whole[np.newaxis]).items()}
+    without = known(whole - sums)
+    for name in mean:
+        if name.endswith("direction"):  # these repeat every 180°
+            turned = (without[name] - mean[name] + 90.0) % 180.0 - 90.0
+            without[name] = mean[name] + turned
+    spreads = {
+        name: spread(pseudo_values(np.asarray(mean[name]), rows), times)
+        for name, rows in without.items()
+    }
+    return Averages(known(sums), mean, spreads)

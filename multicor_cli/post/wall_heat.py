@@ -12,7 +12,6 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import GIVEN, X
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.model.shapes import Outline
-from multicor_cli.post.rheology_sums import average_ratios
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -29,7 +28,7 @@ from multicor_cli.post.source import (
     solid_conductivity,
     wall_temperatures,
 )
-from multicor_cli.post.table import Column, Quantity, TimeTable
+from multicor_cli.post.table import Column, Quantity, TimeTable, average_ratios
 from multicor_cli.text import choices
 
 Over = Literal["solid", "gas"]

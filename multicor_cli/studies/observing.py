@@ -16,7 +16,6 @@ from multicor_cli.files import read_object
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.avalanches import EVENTS, avalanches
-from multicor_cli.post.cell_rheology import CELL_QUANTITIES
 from multicor_cli.post.chains import OF_CHAINS, OF_CLUSTERS, chains, clusters
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
@@ -42,8 +41,8 @@ from multicor_cli.post.quantities import MAPPED, PROFILED, QUANTITIES
 from multicor_cli.post.region import QUANTITIES as IN_REGION
 from multicor_cli.post.region import in_region
 from multicor_cli.post.residence import residence
+from multicor_cli.post.rheology import CELL_QUANTITIES, rheology
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
-from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
 from multicor_cli.post.structure import pair_correlation
 from multicor_cli.post.sums import Sums, average

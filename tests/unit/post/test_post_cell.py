@@ -9,8 +9,8 @@ from made_up_frames import contacts_of, frame_of, source_of
 
 from multicor_cli import post
 from multicor_cli.model.shapes import Rectangle
+from multicor_cli.post.bulk import CONTACT_SUMS
 from multicor_cli.post.crossings import flow_through
-from multicor_cli.post.rheology_sums import CONTACT_SUMS
 
 WIDTH, HEIGHT, TILT = 4.0, 3.0, 1.2
 SIDES = np.array([WIDTH, HEIGHT, TILT])
