@@ -428,14 +428,15 @@ def _frame(
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
 _OVER_TIME = (
-    "conductivity", "crossings", "energy", "layer_conductivity", "mean_heat",
-    "region", "rheology", "wall_heat",
+    "conductivity", "crossings", "energy", "layer_conductivity", "mean_heat", "region", "rheology",
+    "wall_heat",
 )  # fmt: skip
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
     **dict.fromkeys(("avalanches", "residence"), "events"),
     **dict.fromkeys(("fabric", "chains", "lifetimes"), "texture"),
+    **dict.fromkeys(("heat_network", "hot_spots"), "heat"),
     **dict.fromkeys(("correlation", "voronoi"), "structure"),
     "mobilization": "forces",
 }
