@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any, TypeVar
 
 from multicor_cli.arithmetic import elementary
@@ -70,14 +70,10 @@ def _inlined(function: Callable[..., Any]) -> None:
     register_jitable(error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING)(function)
 
 
-def _called(module: ModuleType) -> None:
-    """Let kernels call a module that knows nothing of them, too long to be inlined everywhere."""
-    for function in vars(module).values():
-        if inspect.isfunction(function) and function.__module__ == module.__name__:
-            register_jitable(error_model="numpy", **_NO_C)(function)
-
-
-_called(elementary)
+# Elementary functions know nothing of kernels, and are too long to be inlined everywhere.
+for _function in vars(elementary).values():
+    if inspect.isfunction(_function):
+        register_jitable(error_model="numpy", **_NO_C)(_function)
 compile_with(_inlined)
 
 
