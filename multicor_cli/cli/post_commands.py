@@ -15,8 +15,12 @@ from multicor_cli.cli import options
 from multicor_cli.cli.console import say, show_progress
 from multicor_cli.cli.grain_commands import (
     avalanches,
+    chains,
+    clusters,
     correlation,
     diffusion,
+    fabric,
+    lifetimes,
     mixing,
     residence,
     structure,
@@ -38,7 +42,6 @@ from multicor_cli.cli.post_output import (
     shows_table,
 )
 from multicor_cli.cli.post_output import span_of as _span
-from multicor_cli.cli.texture_commands import chains, clusters, fabric, lifetimes
 from multicor_cli.text import count_noun, with_error
 
 if TYPE_CHECKING:
