@@ -262,7 +262,7 @@ def drops(_of, run, table):
 
 def cells(of, run, table):
     """Cells are larger than their grains, and of as many as there are; in a layer all fit between
-    the walls."""
+    the walls, but perhaps one at times that has a void beside it."""
     mean = table["mean"]
     assert table["grain_count"] <= COUNT
     assert table["open_share"] == pytest.approx(1.0 - table["grain_count"] / COUNT)
@@ -272,7 +272,7 @@ def cells(of, run, table):
     assert sum(table["grains"]) == round(table["grain_count"] * table["frame_count"])
     if of.is_layer:
         low, high = lines(of, run)
-        assert table["open_share"] == 0.0
+        assert table["open_share"] < 1.0 / COUNT
         assert mean["solid_fraction"] > 0.9 * area_of(run) / (PERIOD * (high - low))
 
 

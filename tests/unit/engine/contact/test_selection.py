@@ -74,7 +74,7 @@ def normals_of(apart, velocity, radii, least):
 
 def test_the_table_of_a_step_is_that_of_its_geometry_and_velocities():
     """Gaps, normals and slips of contacts of two grains, in NumPy."""
-    engine = shear_engine(columns=30, rows=6)
+    engine = shear_engine(columns=45, rows=6)
     advance(engine, DT, 139)
     before = np.column_stack([engine.state.velocity[:, :2]])
     engine.step(DT, 139 * DT)
