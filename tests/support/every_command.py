@@ -64,7 +64,7 @@ post hot-spots warm --from 0 --plot spots.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
 post structure packed --factor --plot structure.png
 post mixing rain --plot mixing.png
-post mixing rain --profile share --plot segregation.png
+post mixing rain --profile share --frames 1: --plot segregation.png
 post residence rain --plot residence.png
 post avalanches run --of kinetic --plot drops.png
 post structure packed --voronoi --plot cells.png
