@@ -475,7 +475,7 @@ def push_apart(
     rings: int,
     marked: NDArray[np.bool_],
 ) -> tuple[float, float, float, int]:
-    """Rounds of linearized corrections, until no pair overlaps by more than `ALLOWED`.
+    """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
     The pairs (i, j) are those that may at first; ``around`` and ``partner`` list all with a gap up
     to ``near`` [m], which take part.
