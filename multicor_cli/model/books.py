@@ -19,7 +19,7 @@ Dim = Literal[
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
     "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "flux_book", "expansion_grain",
-    "expansion_book",
+    "expansion_book", "point_row", "grain_edge", "piece", "piece_edge", "corner",
     "book", "tally", "window",
 ]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
@@ -52,12 +52,13 @@ Feature = Literal[
     "flux",
     "flash",
     "expansion",
+    "outlines",
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
 motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean
 gradient of temperature in it, heat that flows between walls, friction that weakens by flash
-heating, and grains that expand, or shrink as they wear."""
+heating, grains that expand, or shrink as they wear, and grains that are no discs."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""

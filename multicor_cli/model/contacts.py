@@ -41,6 +41,8 @@ def are_impacts(gap: Floats) -> NDArray[np.bool_]:
 class ContactTable:
     """Contacts of one step, sorted by (i, j); every array has a row for each of the ``c`` contacts.
 
+    Grains that are no discs touch at points: pairs that touch at several have a row for each.
+
     Each field says its unit and meaning, as docs/reference/formats/results.md lists them. Normals
     and gaps are those at mid-step, but of impacts in flight those of the touch, with a gap of −0.
     """
@@ -60,6 +62,8 @@ class ContactTable:
         "J", "heat generated in the contact in the last step", exports=("vtk", "gsd")
     )
     conductance: Floats | None = _heat("W/K", "conductance of the contact in the last step")
+    arm: Floats | None = _column("m", "from the center of i to the point where it touches j",
+        columns=("arm_x", "arm_y"), only_with="outlines", since=(1, 12), default=None)  # fmt: skip
     couple: Floats | None = _column("N m s",
         "impulse of the rolling resistance on i in the last step", only_with="rolling",
         since=(1, 1), default=None)  # fmt: skip

@@ -7,6 +7,7 @@ A contact is a pair of shape numbers ``(i, j)`` with ``i < j``, so ``i`` is alwa
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, TypeVar
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import mean
+from multicor_cli.model.outlines import Outlines
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -35,7 +37,7 @@ class Grains:
     """Free grains; every array has shape ``(n,)``.
 
     Attributes:
-        radius: Radius a [m].
+        radius: Radius a [m]; of a grain that is no disc, how far it reaches from its center.
         mass: Mass m [kg].
         inertia: Moment of inertia about the center I [kg m²].
         material: Index of the material.
@@ -209,6 +211,7 @@ class Model:
             perhaps of 0.
         heat_gradient: Mean gradient of temperature in a cell G (x, y) [K/m]; the temperatures of
             its grains are those beside it, T − G·r.
+        outlines: What grains look like, or None if all are discs.
     """
 
     grains: Grains
@@ -228,6 +231,7 @@ class Model:
     heat_gradient: tuple[float, float] = (0.0, 0.0)
     expansion: Floats = field(default_factory=lambda: np.zeros(0))
     sheds: bool = False
+    outlines: Outlines | None = None
 
     @property
     def is_cell(self) -> bool:
@@ -248,6 +252,25 @@ class Model:
     def wall_count(self) -> int:
         """Number of wall bodies w."""
         return len(self.walls.names)
+
+    @functools.cached_property
+    def area(self) -> Floats:
+        """Area of the grains in the plane [m²], shape ``(n,)``."""
+        if self.outlines is not None:
+            return self.outlines.area
+        return math.pi * (self.grains.radius * self.grains.radius)
+
+    @functools.cached_property
+    def spin_radius(self) -> Floats:
+        """σ by which spins are speeds σω, and m σ²/I the same for all grains [m], shape ``(n,)``.
+
+        That of a disc is its radius.
+        """
+        radius = self.grains.radius
+        if self.outlines is None:
+            return radius
+        inertia = self.shape_factor * self.grains.inertia / self.grains.mass
+        return np.where(self.outlines.is_disc, radius, np.sqrt(inertia))
 
     @functools.cached_property
     def material(self) -> Ints:
@@ -308,6 +331,7 @@ class Model:
             thermal=None if thermal is None else _rows_of(thermal, which),
             outlets=None,
             numbers=which,
+            outlines=None if self.outlines is None else self.outlines.of_grains(which),
         )
 
     @functools.cached_property

@@ -103,6 +103,10 @@ class State:
     contact_couple: Floats = _array(
         ("rolling_row",), "N m s", "impulse of the rolling resistance of each of them", since=(1, 1)
     )
+    contact_point: Ints = _array(
+        ("point_row",), "1", "which corner each of them is at, and of which pieces", "i4",
+        only_with="outlines", since=(1, 12),
+    )  # fmt: skip
     # What else the solver looks at: all pairs that were near when contacts were last sought, which
     # serve until another one may close, and where the grains were in the order of the sweep.
     near_i: Ints = _array(
@@ -335,7 +339,11 @@ _CONTACTS = {
     "contact_couple": ("contact_i", "contact_j"),
     "mean_force": ("mean_i", "mean_j"),
 }
-_PAIRS = {"near_j": ("near_i", "near_j"), "bridge_j": ("bridge_i", "bridge_j")}
+_PAIRS = {
+    "near_j": ("near_i", "near_j"),
+    "bridge_j": ("bridge_i", "bridge_j"),
+    "contact_point": ("contact_i", "contact_j"),
+}
 
 
 def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
@@ -404,12 +412,15 @@ def _find_wrong_pairs(state: State, model: Model) -> str | None:
     n, shapes = model.grain_count, model.shape_count
     for name, (i, j) in {**_CONTACTS, **_PAIRS}.items():
         first, second = getattr(state, i), getattr(state, j)
-        rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
+        only = {"contact_couple": model.laws.rolling.size, "contact_point": model.outlines}
+        rows = first.size if only.get(name, True) else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
             return f"{i}, {j} and {name} have different lengths"
         are_pairs = (first >= 0) & (first < n) & (second > first) & (second < n + shapes)
         order = first.astype(np.int64) * (n + shapes) + second
-        if not (are_pairs.all() and (np.diff(order) > 0).all()):
+        # Grains that are no discs may touch at several points
+        step = np.diff(order) + (model.outlines is not None)
+        if not (are_pairs.all() and (step > 0).all()):
             return f"{i} and {j} are not pairs of shapes in ascending order"
     return None
 

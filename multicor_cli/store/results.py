@@ -24,6 +24,7 @@ from multicor_cli.model import (
     WallShapes,
 )
 from multicor_cli.model.books import Version
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
@@ -142,6 +143,9 @@ def read_model(file: CheckedFile) -> Model:
         height=float(data["height"][0]) if "height" in data else 0.0,
         expansion=data.get("expansion", np.zeros(0)),
         sheds=bool(data.get("sheds", np.zeros(1))[0]),
+        outlines=Outlines(*(data[f"outlines/{name}"] for name in Outlines._fields))
+        if "outlines/piece" in data
+        else None,
         heat_gradient=tuple(data.get("heat_gradient", np.zeros(2)).tolist()),
     )
     _check_model(model, file.path)
@@ -182,6 +186,8 @@ def _check_model(model: Model, path: Path) -> None:
             [not any(model.heat_gradient) or (model.is_cell and model.thermal is not None)]
         ),
     }
+    if model.outlines is not None:
+        is_right["model/outlines"] = np.array([model.outlines.fit(model.grain_count)])
     for name, found in is_right.items():
         if not found.all():
             raise DamagedRun(f"{path}: {name} holds values out of range")

@@ -161,6 +161,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "flux": model.thermal is not None and not model.is_cell,
         "flash": laws.flash_speed.size > 0,
         "expansion": model.expansion.size > 0,
+        "outlines": model.outlines is not None,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -193,7 +194,8 @@ _DIM_SYMBOL: dict[str, str] = {
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
     "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
     "flux_book": "F°",
-    "expansion_grain": "n†", "expansion_book": "G†",
+    "expansion_grain": "n†", "expansion_book": "G†", "point_row": "C‡", "grain_edge": "n+1",
+    "piece": "p", "piece_edge": "p+1", "corner": "v",
 }  # fmt: skip
 
 # ---- What is written once: the model and the scenario of a run
@@ -217,6 +219,12 @@ def _of_model(
 
 def _law(name: str, unit: str, meaning: str, dtype: DType = "f8", **more: Any) -> Dataset:
     return _of_model(f"laws/{name}", dtype, ("material", "material"), unit, meaning, **more)
+
+
+def _outline(name: str, dims: Shape, unit: str, meaning: str, dtype: DType = "f8") -> Dataset:
+    return _of_model(
+        f"outlines/{name}", dtype, dims, unit, meaning, only_with="outlines", since=(1, 12)
+    )
 
 
 def _thermal(name: str, unit: str, meaning: str, where: str = "") -> Dataset:
@@ -311,6 +319,13 @@ MODEL: tuple[Dataset, ...] = (
     _of_model("sheds", "u1", ("one",), "1",
         "whether grains lose the volume that they wear off, and its mass: 0 or 1",
         only_with="expansion", since=(1, 10)),
+    _outline("piece", ("grain_edge",), "1", "first piece of each grain, in the four below", "i4"),
+    _outline("start", ("piece_edge",), "1", "first corner of each piece", "i4"),
+    _outline("corner", ("corner", 2), "m",
+        "corners of the cores, counter-clockwise, from the center of mass at angle 0"),
+    _outline("rounding", ("piece",), "m", "how far a piece reaches beyond its core"),
+    _outline("area", ("grain",), "m2", "area of each grain"),
+    _outline("perimeter", ("grain",), "m", "length of the outline of each grain"),
     _of_model("gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
     _of_model("shape_factor", "f8", ("one",), "1",
         "m a2/I of every grain: 2 for discs, 5/2 for spheres"),

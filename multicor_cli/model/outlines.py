@@ -1,0 +1,96 @@
+"""Grains that are no discs: cores of one or more corners, widened by a radius.
+
+A *piece* is what lies within the rounding r of its core: a corner (a disc), two (a rod), or the
+corners of a convex polygon, counter-clockwise. A grain is one piece, or several that may overlap (a
+clump). Corners are in the frame of the grain: from its center of mass, at angle 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+Piece = tuple[Floats, float]
+"""Corners [m], shape ``(k, 2)``, and the rounding [m]."""
+
+
+class Outlines(NamedTuple):
+    """Outlines of ``n`` grains with ``p`` pieces of ``v`` corners in all.
+
+    Attributes:
+        piece: First piece of each grain, shape ``(n + 1,)``.
+        start: First corner of each piece, shape ``(p + 1,)``.
+        corner: Corners [m], shape ``(v, 2)``.
+        rounding: Radius of the corners of each piece r [m], shape ``(p,)``.
+        area: True area of each grain [m²], what pieces share once, shape ``(n,)``.
+        perimeter: Length of the outline of each grain [m], likewise.
+    """
+
+    piece: Ints
+    start: Ints
+    corner: Floats
+    rounding: Floats
+    area: Floats
+    perimeter: Floats
+
+    @classmethod
+    def of(cls, grains: Sequence[Sequence[Piece]], area: Floats, perimeter: Floats) -> Outlines:
+        """Outlines of grains with these pieces, areas [m²] and perimeters [m]."""
+        pieces = [piece for grain in grains for piece in grain]
+        return cls(
+            _starts([len(grain) for grain in grains]),
+            _starts([len(corners) for corners, _ in pieces]),
+            np.concatenate([corners for corners, _ in pieces] or [np.empty((0, 2))]),
+            np.array([rounding for _, rounding in pieces], float),
+            np.asarray(area, float),
+            np.asarray(perimeter, float),
+        )
+
+    def pieces(self, grain: int) -> list[Piece]:
+        """The pieces of a grain."""
+        return [
+            (self.corner[self.start[p] : self.start[p + 1]], float(self.rounding[p]))
+            for p in range(self.piece[grain], self.piece[grain + 1])
+        ]
+
+    def of_grains(self, which: NDArray[np.int64]) -> Outlines:
+        """Those of some grains, in this order."""
+        grains = [self.pieces(int(k)) for k in which]
+        return self.of(grains, self.area[which], self.perimeter[which])
+
+    def fit(self, count: int) -> bool:
+        """Whether they are outlines of so many grains: what is read from files may not be."""
+        ends = ((self.piece, self.start.size - 1), (self.start, self.corner.shape[0]))
+        are_rows = all(
+            rows.size > 0 and rows[0] == 0 and rows[-1] == end and bool((np.diff(rows) > 0).all())
+            for rows, end in ends
+        )
+        sizes = (self.piece.size - 1, self.area.size, self.perimeter.size)
+        are_lengths = bool((self.rounding >= 0.0).all() and (self.area > 0.0).all())
+        return are_rows and are_lengths and sizes == (count, count, count)
+
+    @property
+    def is_disc(self) -> NDArray[np.bool_]:
+        """Which grains are discs around their centers, shape ``(n,)``."""
+        found = np.diff(self.piece) == 1
+        first = self.start[self.piece[:-1]]
+        found &= self.start[self.piece[:-1] + 1] == first + 1
+        return np.asarray(found & (self.corner[first] == 0.0).all(axis=1))
+
+    @property
+    def radius(self) -> Floats:
+        """How far each grain reaches from its center [m], shape ``(n,)``."""
+        owner = np.repeat(np.arange(self.rounding.size), np.diff(self.start))
+        x, y = self.corner.T
+        reach = np.sqrt(x * x + y * y) + self.rounding[owner]
+        return np.asarray(np.maximum.reduceat(reach, self.start[self.piece[:-1]]))
+
+
+def _starts(counts: Sequence[int]) -> Ints:
+    return np.concatenate([[0], np.cumsum(np.array(counts, np.int64))]).astype(np.int32)
