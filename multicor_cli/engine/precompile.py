@@ -125,7 +125,7 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     """What follows the solve, the last first."""
     scene, contacts, bodies, *_ = moved
     lanes = _schedule(model, scene)
-    tabulate_contacts(moved, has_couples=False)
+    tabulate_contacts(moved, has_couples=False, has_faces=False)
     tabulate(
         1, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, lanes.branch, contacts
     )
@@ -133,10 +133,10 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     wrap(state.position, state.image, model.period)
     mass = model.grains.mass
     push_apart(
-        scene, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY), _NOBODY, mass,
-        np.zeros((1, 3)), 1.0, 1, np.zeros(1, np.bool_),
+        scene, None, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY),
+        _NOBODY, mass, np.zeros((1, 3)), 1.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
-    deepest_overlap(scene, _NOBODY, _NOBODY)
+    deepest_overlap(scene, None, _NOBODY, _NOBODY)
     sums = account_grains(
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
         lanes.before, lanes.gap, lanes.branch, 1.0, model.period, 0.0, 0.0, 0.0,

@@ -30,10 +30,10 @@ from multicor_cli.engine.contact.contacts import (
     begin_walls,
     couples_of,
     scatter_impulses,
-    tabulate,
     vary_friction,
     warm_rows,
 )
+from multicor_cli.engine.contact.faces import account_faces, active_points, begin_faces
 from multicor_cli.engine.contact.flight import (
     SOLVED,
     Flight,
@@ -71,6 +71,7 @@ from multicor_cli.engine.energy.account import (
 )
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
@@ -107,7 +108,7 @@ from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
 from multicor_cli.model.cell import mean_flow
-from multicor_cli.model.columns import BELT, SPIN
+from multicor_cli.model.columns import BELT, SPIN, SURFACE
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State, find_absurd_value
@@ -139,6 +140,7 @@ class Layout:
             have other radii and masses where they expand or wear.
         worn: Part of their volume that they have lost, shape ``(n,)``.
         marked: Work space of the position correction, shape ``(n,)``.
+        pieces: Pieces of grains that are no discs, and of the walls, at angle 0; or None.
     """
 
     def __init__(
@@ -157,6 +159,7 @@ class Layout:
         self.middle = np.empty((n, 3))
         self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
         self.marked = np.zeros(n, np.bool_)
+        self.pieces = pieces_of(model)
 
     @cached_property
     def pairs(self) -> NeighborList:
@@ -165,7 +168,7 @@ class Layout:
     @cached_property
     def selection(self) -> Selection:
         """Contacts, and what lasts with them."""
-        return Selection(self.model, self.pairs)
+        return Selection(self.model, self.pairs, self.pieces)
 
 
 class Prediction(NamedTuple):
@@ -356,7 +359,9 @@ class Engine:
         table = (
             heat.resting_table(self._laws)
             if heat is not None and is_frozen
-            else tabulate_contacts(self._with_table(), self._has_couples)
+            else tabulate_contacts(
+                self._with_table(), self._has_couples, self.model.outlines is not None
+            )
         )
         if heat is not None:
             none, known = np.zeros(table.i.size), heat.of_contacts
@@ -409,10 +414,11 @@ class Engine:
         layout = self._layout
         step, kept = self._predict(dt, t), layout.selection
         layout.pairs.update(step.scene, step.cutoff)
-        layout.selection = Selection(layout.model, layout.pairs)
+        layout.selection = Selection(layout.model, layout.pairs, layout.pieces)
         try:
             layout.selection.seek(step.scene, self._margin(step))
-            yield step.scene, self._gather(step)[0]
+            far = self._far(step, step.cutoff, layout.before)
+            yield step.scene, self._gather(step, far)[0]
         finally:
             layout.selection = kept
 
@@ -477,9 +483,9 @@ class Engine:
         # one that far, all are solved once more with it.
         self._select(step)
         self._clock("detect")
-        margin, is_missing = 0.0, True
+        margin, is_missing, far = 0.0, True, self._far(step, step.cutoff, layout.before)
         while is_missing:
-            contacts, scale, is_solved = self._gather(step)
+            contacts, scale, is_solved = self._gather(step, far)
             ordered = self._assemble(step.scene, contacts)
             self._clock("prepare")
             outcome = _NOTHING_TO_SOLVE
@@ -492,7 +498,10 @@ class Engine:
             cutoff = self._cutoff_after(step, after)
             self._list_up_to(cutoff, step)
             is_missing, fastest = selection.closing(step.scene, after, after, cutoff, dt, -math.inf)
-            if is_missing:
+            needed = self._far(step, cutoff, after)
+            if far < needed:
+                far, is_missing = 2.0 * needed, True
+            elif is_missing:
                 margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
                 selection.seek(step.scene, margin)
                 self._select_impacts(step)
@@ -518,9 +527,8 @@ class Engine:
                 step.growth, dt, selection.i, selection.j, Lanes.of(selection.lanes), contacts
             )
         kinetic, gravity_work = move(
-            layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
-            self.model.shape_factor, dt,
-            state.position, state.velocity,
+            layout.middle, layout.before, after, layout.model.spin_radius, grains.mass,
+            step.gravity, self.model.shape_factor, dt, state.position, state.velocity,
         )  # fmt: skip
         if self.model.is_cell:
             carry(layout.middle, after[n, :3], 0.5 * dt, state.position)
@@ -538,18 +546,19 @@ class Engine:
         self._clock("move")
         # Beside the scene at q_m, which heat still looks at
         end = scene_of(layout.model, state.position, state.wall_position)
+        pieces = None if layout.pieces is None else turned(layout.pieces, end)
         selection.give(state)
         virial = np.zeros(4)
         if step.flight is not None:
             # Impulses of impacts do not last: no later step begins with them
             virial = selection.enter(step.flight.impacts, step.scene, after)
             gravity_work += step.flight.gravity_work
-        sums = self._account(step, end, contacts, after, virial)
+        sums = self._account(step, end, pieces, contacts, after, virial)
         if struck.size:
             # The way to q_m is not theirs: heat looks at them half-way
             layout.middle[struck] = 0.5 * (began + state.position[struck])
         self._clock("account")
-        correction = self._correct(step, end, cutoff, float(sums.total[OVERLAP]))
+        correction = self._correct(step, end, pieces, cutoff, float(sums.total[OVERLAP]))
         self._clock("correct")
         book_step(
             state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt,
@@ -591,7 +600,7 @@ class Engine:
         if state.radius.size:
             velocity, growth, spun = self._grow(dt)
         is_sound = predict(
-            state.position, velocity, grains.radius, grains.mass, gravity, dt,
+            state.position, velocity, model.spin_radius, grains.mass, gravity, dt,
             layout.middle, layout.before, layout.free,
         )  # fmt: skip
         walls = motion.predict(state, gravity, t, dt)
@@ -718,7 +727,8 @@ class Engine:
     @property
     def _may_fly(self) -> bool:
         laws = self._laws
-        return bool(laws.restitution.any()) and not (laws.adhesion.size or laws.rolling.size)
+        stays = laws.adhesion.size or laws.rolling.size or self.model.outlines is not None
+        return bool(laws.restitution.any()) and not stays
 
     def _find_flights(self, step: Prediction, walls: Floats, flow: Floats) -> Flight:
         """Flights, whose grains have other starts in the layout after impacts."""
@@ -769,6 +779,18 @@ class Engine:
             layout.pairs.largest,
         )  # fmt: skip
 
+    def _far(self, step: Prediction, cutoff: float, bodies: Floats) -> float:
+        """A gap that no point of a pair with corners closes [m], with spins too; 0 among discs.
+
+        ``cutoff`` is one that no pair closes by moving on, with the velocities of ``bodies``.
+        """
+        model = self._layout.model
+        if self._layout.pieces is None:
+            return 0.0
+        count, reach = model.grain_count, model.grains.radius / model.spin_radius
+        turning = float(np.abs(bodies[:count, SURFACE] * reach).max(initial=0.0))
+        return max(cutoff + 2.0 * AHEAD * step.dt * turning, SKIN * model.mean_diameter)
+
     # ---- Its contacts
 
     def _select(self, step: Prediction) -> None:
@@ -806,7 +828,7 @@ class Engine:
         if gap > layout.pairs.complete:
             layout.pairs.update(step.scene, gap)
 
-    def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale, bool]:
+    def _gather(self, step: Prediction, far: float) -> tuple[Contacts, ResidualScale, bool]:
         """The contacts, warm-started, the scale of the residuals, and if any is to be solved."""
         layout, state, laws, dt = self._layout, self._layout.state, self._laws, step.dt
         selection, scene, start = layout.selection, step.scene, layout.before
@@ -822,6 +844,13 @@ class Engine:
             scene.tilt, *self._gradient(start),
         )  # fmt: skip
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
+        faces = None
+        if selection.faces.first.size:
+            assert layout.pieces is not None
+            faces = begin_faces(
+                scene, turned(layout.pieces, scene), laws, start, dt, ratio, far,
+                selection.faces, selection.faces.most, contacts,
+            )  # fmt: skip
         opening = None
         if step.growth.size:
             opening = push(step.growth, dt, i, j, Lanes.of(lanes), contacts)
@@ -842,6 +871,8 @@ class Engine:
         speeds, is_solved = [grains, walls], True
         if opening is not None and not (grains.closing or walls.closing):
             speeds.append(opening)
+        if faces is not None:
+            speeds.append(faces)
         if step.flight is not None:
             left = leave_flights_out(
                 scene, step.flight.flying, self._motion.is_free, i, j, lanes.lane, lanes.frame,
@@ -861,16 +892,12 @@ class Engine:
         return assemble(
             scene, contacts, layout.selection.lanes, motion.belt, motion.inverse,
             layout.model.shape_factor, self._has_couples,
+            active_points(layout.selection.faces, contacts),
         )  # fmt: skip
 
     def _tabulate(self) -> None:
         """Contacts of two grains into the table: for laws and results that look at it."""
-        selection, grains = self._layout.selection, self._layout.model.grain_count
-        lanes = selection.lanes
-        tabulate(
-            grains, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, lanes.branch,
-            selection.contacts,
-        )  # fmt: skip
+        self._layout.selection.tabulate()
 
     def _gradient(self, bodies: Floats) -> tuple[float, float, float]:
         """That of a cell, by the velocities of all bodies; else zeros."""
@@ -880,8 +907,9 @@ class Engine:
         return xx, yy, xy
 
     def _account(
-        self, step: Prediction, end: Scene, contacts: Contacts, after: Floats, virial: Floats
-    ) -> ContactSums:
+        self, step: Prediction, end: Scene, pieces: Pieces | None, contacts: Contacts,
+        after: Floats, virial: Floats,
+    ) -> ContactSums:  # fmt: skip
         """What the contacts lose and exert; bridges that are left go into the state.
 
         ``virial`` is what that of contacts lacks in a cell, by impacts.
@@ -899,6 +927,11 @@ class Engine:
                 *self._gradient(after),
             )  # fmt: skip
         sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
+        if pieces is not None:
+            account_faces(
+                step.scene, end, pieces, contacts, after, selection.faces, sums.total,
+                sums.wall_impulse, sums.belt_impulse,
+            )  # fmt: skip
         if self.model.is_cell:
             sums.total[VIRIAL : VIRIAL + 4] += virial
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]
@@ -949,18 +982,22 @@ class Engine:
         if self.model.is_cell:
             state.wall_position = sides_at_end(middle[0], after[0], 0.5 * dt)[np.newaxis]
 
-    def _correct(self, step: Prediction, end: Scene, cutoff: float, overlap: float) -> Correction:
+    def _correct(
+        self, step: Prediction, end: Scene, pieces: Pieces | None, cutoff: float, overlap: float
+    ) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
         selection = layout.selection
-        beside = selection.overlap_beside(end)
+        beside = selection.overlap_beside(end, pieces)
         correction = Correction(max(overlap, beside), 0.0, 0.0, 0)
         if correction.overlap > ALLOWED:
             # What is near must not depend on the age of the list
             near = reach_of(correction.overlap, model)
             self._list_up_to(cutoff + near, step)
-            i, j = selection.with_walls() if beside > ALLOWED else (selection.i, selection.j)
+            i, j = selection.pair_i, selection.pair_j
+            if beside > ALLOWED:
+                i, j = selection.with_walls()
             correction = correct_positions(
-                end, model, step.gravity, self._motion, layout.pairs, i, j, near,
+                end, pieces, model, step.gravity, self._motion, layout.pairs, i, j, near,
                 layout.marked, state.step,
             )  # fmt: skip
         if step.shift_work != 0.0:

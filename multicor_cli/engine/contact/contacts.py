@@ -74,7 +74,8 @@ CONTACT = np.dtype(
                 ("u_t", "f8"),  # u_t⁻ [m/s]
                 ("p_n", "f8"),  # impulse [N s]; with adhesion q_n = p_n + F Δt
                 ("p_t", "f8"),
-                # From a wall's reference point to the contact [m]; of two grains in a cell ℓ
+                # From a wall's reference point to the contact [m]; ℓ of two grains in a cell, or
+                # of faces
                 ("lever_x", "f8"),
                 ("lever_y", "f8"),
                 ("attraction", "f8"),  # F Δt of adhesion [N s]
@@ -82,6 +83,15 @@ CONTACT = np.dtype(
                 ("arm", "f8"),  # a* [m] of rolling resistance
                 ("u_r", "f8"),  # u_r⁻ [m/s]
                 ("p_r", "f8"),  # impulse of the couple over a* [N s]
+                # Of faces (`engine/contact/faces.py`): from the center of i to its point [m], what
+                # spins of i and j add to u_n and u_t, and which point it is, or -1
+                ("own_x", "f8"),
+                ("own_y", "f8"),
+                ("turn_in", "f8"),
+                ("turn_it", "f8"),
+                ("turn_jn", "f8"),
+                ("turn_jt", "f8"),
+                ("key", "i4"),
             ],
             align=True,
         ),
@@ -414,7 +424,7 @@ def tabulate(
     """
     for c in range(contacts.size):
         contact = contacts[c]
-        if contact.j >= grains:
+        if contact.j >= grains or lane[c] < 0:
             continue
         q, k = lane[c] // LANES, lane[c] % LANES
         contact.nx, contact.ny = frame[q, NX, k], frame[q, NY, k]
@@ -443,6 +453,15 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
     contact = contacts[c]
     i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
     count = scene.radius.size
+    if contact.key >= 0:
+        body = j if j < count else count + scene.wall[j - count]
+        s_i, s_j = after[i, SURFACE], after[body, SURFACE]
+        dx, dy = after[i, X] - after[body, X], after[i, Y] - after[body, Y]
+        belt = 0.0 if j < count else after[body, BELT]
+        return (
+            dx * nx + dy * ny + s_i * contact.turn_in - s_j * contact.turn_jn,
+            dy * nx - dx * ny + s_i * contact.turn_it - s_j * contact.turn_jt - belt,
+        )
     if j < count:
         u_n, u_t = relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
         if scene.height > 0.0:

@@ -26,29 +26,34 @@ from multicor_cli.model.model import Floats, Ints
 
 MANY = 16  # contacts of a grain from which on they are crowded: relaxed serially
 
-TILED, CROWDED, GENERAL = 0, 1, 2
-"""Classes of contacts."""
+TILED, CROWDED, GENERAL, FACE = 0, 1, 2, 3
+"""Classes of contacts; those of grains that are no discs (`engine/contact/faces.py`) are faces."""
 
+_NOWHERE = np.iinfo(np.int32).min
 COLORS = 4
 STREAMS = 4  # parts of a tile whose contacts take turns
 
 
 @kernel
 def classify_contacts(
-    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_]
-) -> NDArray[np.int8]:
-    """How each contact is relaxed, shape ``(c,)``.
+    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_], classes: NDArray[np.int8]
+) -> None:
+    """How each contact is relaxed, into ``classes``, **modified**, shape ``(c,)``.
 
-    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom.
+    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom. What has a
+    `FACE` is none of this.
     """
     n = scene.radius.size
     degree = np.zeros(n, np.int32)
     for c in range(i.size):
+        if classes[c] == FACE:
+            continue
         degree[i[c]] += 1
         if j[c] < n:
             degree[j[c]] += 1
-    classes = np.zeros(i.size, np.int8)
     for c in range(i.size):
+        if classes[c] == FACE:
+            continue
         if j[c] >= n:
             if wall_is_free[scene.wall[j[c] - n]]:
                 classes[c] = GENERAL
@@ -56,7 +61,6 @@ def classify_contacts(
                 classes[c] = CROWDED
         elif degree[i[c]] > MANY or degree[j[c]] > MANY:
             classes[c] = CROWDED
-    return classes
 
 
 @kernel
@@ -205,10 +209,11 @@ def number_bodies(
             place[second] = found
             found += 1
         pair[k, SECOND] = place[second]
-    for k in range(general.size):  # with walls
-        if place[i[general[k]]] < 0:
-            place[i[general[k]]] = found
-            found += 1
+    for k in range(general.size):
+        for body in (i[general[k]], j[general[k]]):
+            if body < grains and place[body] < 0:
+                place[body] = found
+                found += 1
     for grain in range(grains):  # those that touch nothing
         if place[grain] < 0:
             place[grain] = found
@@ -347,7 +352,7 @@ class Schedule(NamedTuple):
         general: General contacts, shape ``(g,)``.
         walls: Diagonal contacts with walls, ascending.
         of_walls: All contacts with walls: these, and then the general ones.
-        lane: Lane of each contact, -1 - g for the general contact g, shape ``(c,)``.
+        lane: Lane of each contact, -1 - g for the general contact g, less for faces, ``(c,)``.
         place: Row of each grain, shape ``(n,)``; then come the walls, then the wall proxies, and
             two rows for the empty lanes of each tile.
         start: Velocities v⁻ of these rows.
@@ -401,17 +406,20 @@ def _upright(scene: Scene) -> Floats:
 
 
 def schedule_contacts(
-    scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_]
-) -> Schedule:
+    scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_],
+    is_face: NDArray[np.bool_] | None = None,
+) -> Schedule:  # fmt: skip
     """The schedule of contacts with these shapes, sorted by key; ``tile`` is from `lay_tiles`.
 
-    ``wall_is_free`` marks walls that loads move.
+    ``wall_is_free`` marks walls that loads move, ``is_face`` contacts of grains that are no discs.
     """
     columns, rows = (tile.max(axis=0) + 1).tolist()
     color_start = color_tiles(columns, rows)
-    of_contact = assign_tiles(
-        i, classify_contacts(scene, i, j, wall_is_free), tile, color_start, columns
-    )
+    classes = np.zeros(i.size, np.int8)
+    if is_face is not None:
+        classes[is_face] = FACE
+    classify_contacts(scene, i, j, wall_is_free, classes)
+    of_contact = assign_tiles(i, classes, tile, color_start, columns)
     order, general, start = order_contacts(of_contact, int(color_start[-1]) + 1)
     place, bodies, count = number_bodies(i, j, order, general, scene.radius.size, wall_is_free.size)
     slot, tile_start = make_batches(bodies, start, count)
@@ -431,6 +439,8 @@ def schedule_contacts(
     lane = np.empty(i.size, np.int32)
     filled = np.flatnonzero(slot.reshape(-1) >= 0).astype(np.int32)
     lane[slot.reshape(-1)[filled]] = filled
+    if is_face is not None:
+        lane[is_face], general = _NOWHERE, general[~is_face[general]]
     lane[general] = -1 - np.arange(general.size, dtype=np.int32)
     walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
     return Schedule(

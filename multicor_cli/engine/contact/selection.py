@@ -16,11 +16,14 @@ from multicor_cli.engine.contact.contacts import (
     fix_lanes,
     normal_velocity,
     recall_impulses,
+    tabulate,
 )
+from multicor_cli.engine.contact.faces import NO_FACES, make_room, recall_points
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.outlines import Pieces, true_gap
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -138,11 +141,11 @@ def find_closing(
 
 
 @kernel
-def deepest_overlap(scene: Scene, i: Ints, j: Ints) -> float:
+def deepest_overlap(scene: Scene, pieces: Pieces | None, i: Ints, j: Ints) -> float:
     """Largest overlap of pairs of a grain and a wall over its radius; 0 if there is none."""
     best = 0.0
     for k in range(i.size):
-        best = max(best, -pair_geometry(scene, i[k], j[k])[0] / scene.radius[i[k]])
+        best = max(best, -true_gap(scene, pieces, i[k], j[k])[0] / scene.radius[i[k]])
     return best
 
 
@@ -152,12 +155,18 @@ class Selection:
     Attributes:
         i: Grains, shape ``(c,)``.
         j: Grains or wall shapes, shape ``(c,)``; sorted by (i, j).
+        pair_i: The same with each pair once; else it has room for all its points.
+        pair_j: Likewise.
+        faces: Pairs of which one is no disc, and their room.
         tile: Column and row of the tile of each grain when they were sought, shape ``(n, 2)``.
         contacts: Their table, for each step to fill.
     """
 
-    def __init__(self, model: Model, pairs: NeighborList) -> None:
-        self._model, self._pairs = model, pairs
+    def __init__(self, model: Model, pairs: NeighborList, pieces: Pieces | None = None) -> None:
+        self._model, self._pairs, self._pieces = model, pairs, pieces
+        self.pair_i: Ints = np.empty(0, np.int32)
+        self.pair_j: Ints = np.empty(0, np.int32)
+        self.faces = NO_FACES
         self.i: Ints = np.empty(0, np.int32)
         self.j: Ints = np.empty(0, np.int32)
         self.tile: Ints = np.zeros((model.grain_count, 2), np.int32)
@@ -173,17 +182,34 @@ class Selection:
 
     def take(self, state: State) -> None:
         """Go on with the contacts of a state, if they are not those that it was given."""
-        if not (self.i is state.near_i and self.j is state.near_j and self.tile is state.tile):
+        is_same = self.pair_i is state.near_i and self.pair_j is state.near_j
+        if not (is_same and self.tile is state.tile):
             self._set(state.near_i, state.near_j, state.tile)
 
     def give(self, state: State) -> None:
         """Enter the contacts, and those that carry an impulse, into a state."""
-        state.near_i, state.near_j, state.tile = self.i, self.j, self.tile
+        state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
         schedule = self.lanes
+        if self._pieces is not None:
+            self.tabulate()
+            loaded = self.contacts[self.contacts["p_n"] > 0.0]
+            state.contact_i, state.contact_j = loaded["i"].copy(), loaded["j"].copy()
+            state.contact_impulse = np.column_stack([loaded["p_n"], loaded["p_t"]])
+            state.contact_point = loaded["key"].copy()
+            self._impulse = state.contact_impulse
+            return
         state.contact_i, state.contact_j, state.contact_impulse = carried(
             self._model.grain_count, self.i, self.j, schedule.lane, schedule.impulse, self.contacts
         )
         self._impulse = state.contact_impulse
+
+    def tabulate(self) -> None:
+        """Contacts of two discs into the table, which else holds those with walls, and faces."""
+        lanes = self.lanes
+        tabulate(
+            self._model.grain_count, lanes.lane, lanes.frame, lanes.impulse, lanes.before,
+            lanes.gap, lanes.branch, self.contacts,
+        )  # fmt: skip
 
     def enter(self, impacts: Impacts, scene: Scene, after: Floats) -> Floats:
         """Impacts before the solve into the contacts; returns the virial, as `enter_impacts`."""
@@ -214,9 +240,11 @@ class Selection:
         self._set(i, j, lay_tiles(scene, i, j, self._model.mean_diameter))
 
     def _set(self, i: Ints, j: Ints, tile: Ints) -> None:
-        self.i, self.j, self.tile = i, j, tile
-        self.contacts = np.zeros(i.size, CONTACT)
-        self.contacts["i"], self.contacts["j"] = i, j
+        self.i, self.j, self.tile = self.pair_i, self.pair_j, _ = i, j, tile
+        if self._pieces is not None:
+            self.i, self.j, self.faces = make_room(self._pieces, i, j)
+        self.contacts = np.zeros(self.i.size, CONTACT)
+        self.contacts["i"], self.contacts["j"], self.contacts["key"] = self.i, self.j, -1
         self._schedule = self._beside = self._entered = None
         self._impulse = np.empty((0, 2))
 
@@ -248,7 +276,9 @@ class Selection:
         schedule = self._schedule
         is_same = self._is_free is wall_is_free or np.array_equal(self._is_free, wall_is_free)
         if schedule is None or not is_same:
-            schedule = schedule_contacts(scene, self.i, self.j, self.tile, wall_is_free)
+            schedule = schedule_contacts(
+                scene, self.i, self.j, self.tile, wall_is_free, self._are_faces()
+            )
             self._is_free, self._laws, self._impulse = wall_is_free, None, np.empty((0, 2))
             self._entered = None
             self._schedule = schedule
@@ -271,9 +301,22 @@ class Selection:
                 state.contact_i, state.contact_j, state.contact_impulse, self.contacts,
                 schedule.slot, schedule.impulse,
             )  # fmt: skip
+            if self.faces.first.size:
+                recall_points(
+                    state.contact_i, state.contact_j, state.contact_impulse, state.contact_point,
+                    self.faces, self.contacts,
+                )  # fmt: skip
         # A step that is not finished leaves others behind
         self._impulse = np.empty((0, 2))
         return schedule
+
+    def _are_faces(self) -> NDArray[np.bool_] | None:
+        if not self.faces.first.size:
+            return None
+        change = np.zeros(self.i.size + 1, np.int64)
+        change[self.faces.first] += 1
+        change[self.faces.first + self.faces.room] -= 1
+        return np.asarray(np.cumsum(change[:-1]) > 0)
 
     @property
     def lanes(self) -> Schedule:
@@ -286,7 +329,7 @@ class Selection:
         """The listed pairs that are no contacts."""
         pairs = self._pairs
         if self._beside is None or self._builds != pairs.builds:
-            i, j = self._beside = leave_out(pairs.row, pairs.partner, self.i, self.j)
+            i, j = self._beside = leave_out(pairs.row, pairs.partner, self.pair_i, self.pair_j)
             is_wall = j >= self._model.grain_count
             self._walls_beside, self._builds = (i[is_wall], j[is_wall]), pairs.builds
         return self._beside
@@ -297,15 +340,15 @@ class Selection:
         """As `find_closing`, of all pairs; the list is complete up to ``cutoff`` and ``reach``."""
         return find_closing(scene, *self.beside, start, end, cutoff, dt, reach)
 
-    def overlap_beside(self, scene: Scene) -> float:
+    def overlap_beside(self, scene: Scene, pieces: Pieces | None) -> float:
         """Largest overlap at the end of a step of pairs that are no contacts, over the radius.
 
         They did not close within the step: on a straight way a gap between discs is convex, so they
         are apart. Pieces of walls may turn or curve.
         """
-        return deepest_overlap(scene, *self._walls_beside)
+        return deepest_overlap(scene, pieces, *self._walls_beside)
 
     def with_walls(self) -> tuple[Ints, Ints]:
         """The contacts, and the pairs of `overlap_beside`."""
         i, j = self._walls_beside
-        return np.concatenate([self.i, i]), np.concatenate([self.j, j])
+        return np.concatenate([self.pair_i, i]), np.concatenate([self.pair_j, j])

@@ -16,6 +16,7 @@ from multicor_cli.engine.contact.contacts import (
     couples_of,
     pack_couples,
 )
+from multicor_cli.engine.contact.faces import pack_points, unpack_points
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import (
     NO_CELL,
@@ -340,6 +341,9 @@ def carried(
 # ---- The problem of a step
 
 
+_NO_POINTS = np.empty(0, np.int32)
+
+
 @dataclass(frozen=True)
 class OrderedSystem:
     """A `System`, and where its contacts come from.
@@ -348,11 +352,13 @@ class OrderedSystem:
         system: What the sweep works on; ``slot`` names contacts by their rank by key.
         schedule: Order and places of its contacts.
         belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
+        points: Contacts of grains that are no discs, the last of the general ones in ``system``.
     """
 
     system: System
     schedule: Schedule
     belt: Floats
+    points: Ints
 
     def collect(self, contacts: Contacts) -> Floats:
         """Put impulses with walls, and couples, into ``contacts``; returns v⁺, ``(n + w, 4)``."""
@@ -361,6 +367,8 @@ class OrderedSystem:
             schedule.walls, schedule.general, schedule.lane, system.impulse,
             system.general_impulse, contacts,
         )  # fmt: skip
+        if self.points.size:
+            unpack_points(self.points, system.general_impulse[schedule.general.size :], contacts)
         if system.couples.impulse.size:
             contacts["p_r"][system.couples.contact] = system.couples.impulse
         return unpack_bodies(system.velocity, schedule.place, self.belt, self.belt.size)
@@ -374,11 +382,13 @@ def assemble(
     wall_inverse: Floats,
     spin_factor: float,
     has_couples: bool,
+    points: Ints = _NO_POINTS,
 ) -> OrderedSystem:
     """The problem of a step, whose contacts have begun (`begin_grains`, `begin_walls`).
 
     ``wall_inverse`` are inverse masses per degree of freedom, shape ``(w, 3)``, ``belt`` is that of
-    `OrderedSystem`. Without couples the rolling resistance of the contacts is not looked at.
+    `OrderedSystem`, ``points`` are its. Without couples the rolling resistance of the contacts is
+    not looked at.
     """
     velocity, place = schedule.velocity, schedule.place
     inverse = inverse_masses(velocity, place.size, wall_inverse, spin_factor)
@@ -387,10 +397,17 @@ def assemble(
         schedule.frame, schedule.impulse,
     )  # fmt: skip
     general, slot = schedule.general, schedule.slot
+    others = pack_general(scene, contacts, belt, place, general, inverse)
+    if points.size:
+        of_points = pack_points(scene, contacts, belt, place, points, inverse)
+        others = (
+            np.concatenate([others[0], of_points[0]]), np.concatenate([others[1], of_points[1]]),
+            np.concatenate([others[2], of_points[2]]), np.concatenate([others[3], of_points[3]]),
+        )  # fmt: skip
     system = System(
         velocity, inverse, slot, schedule.pair, schedule.frame, schedule.impulse,
         schedule.tile_start, schedule.color_start,
-        *pack_general(scene, contacts, belt, place, general, inverse), spin_factor, contacts.size,
+        *others, spin_factor, contacts.size,
         pack_couples(scene, contacts, belt, slot, general, place, inverse)
         if has_couples
         else NO_COUPLES,
@@ -399,7 +416,7 @@ def assemble(
         else NO_CELL,
     )  # fmt: skip
     add_impulses(system)
-    return OrderedSystem(system, schedule, belt)
+    return OrderedSystem(system, schedule, belt, points)
 
 
 # ---- To a table that can be stored or looked at
@@ -432,14 +449,22 @@ def _slips(scene: Scene, contacts: Contacts, after: Floats) -> Floats:
     return slip
 
 
-def tabulate_contacts(moved: Moved | None, has_couples: bool) -> ContactTable:
+def tabulate_contacts(moved: Moved | None, has_couples: bool, has_faces: bool) -> ContactTable:
     """Make the table; empty if there has been no step."""
     if moved is None:
         return ContactTable.empty()
     scene, contacts, after = moved[:3]
+    if has_faces:  # there is room for more
+        contacts = contacts[contacts["gap"] < np.inf]
     q_n, p_t = contacts["p_n"], contacts["p_t"]
     # The local solve cuts p_t to ±μ q_n exactly: equality, but for rounding, means sliding.
     sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts["mu"] * q_n * (1.0 - 1e-12))
+    arm = np.column_stack([contacts["own_x"], contacts["own_y"]])
+    of_discs = contacts["key"] < 0
+    radius = scene.radius[contacts["i"]]
+    arm[of_discs] = (
+        -radius[of_discs, np.newaxis] * np.column_stack([contacts["nx"], contacts["ny"]])[of_discs]
+    )
     return ContactTable(
         contacts["i"].copy(),
         contacts["j"].copy(),
@@ -448,5 +473,6 @@ def tabulate_contacts(moved: Moved | None, has_couples: bool) -> ContactTable:
         net_impulses(np.column_stack([q_n, p_t]), contacts["attraction"]),
         _slips(scene, contacts, after),
         sliding,
+        arm=arm if has_faces else None,
         couple=couples_of(contacts) if has_couples else None,
     )

@@ -23,8 +23,9 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
 from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
+from multicor_cli.engine.geometry.outlines import Pieces, place_walls, true_gap
 from multicor_cli.engine.geometry.radii import smaller_of
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
+from multicor_cli.engine.geometry.scene import Scene, place_shapes
 from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -37,15 +38,20 @@ from multicor_cli.model.model import Floats, Ints, Model
 # ---- Overlaps, and the grains around them
 
 
-@formula
-def _overlap(scene: Scene, i: int, j: int) -> float:
+@kernel
+def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> float:
     """Overlap of a pair over its smaller radius; negative where they are apart."""
-    return -pair_geometry(scene, i, j)[0] / smaller_of(scene, i, j)
+    return -true_gap(scene, pieces, i, j)[0] / smaller_of(scene, i, j)
 
 
 @kernel
 def mark_overlaps(
-    scene: Scene, i: Ints, j: Ints, tolerance: float, marked: NDArray[np.bool_]
+    scene: Scene,
+    pieces: Pieces | None,
+    i: Ints,
+    j: Ints,
+    tolerance: float,
+    marked: NDArray[np.bool_],
 ) -> tuple[float, float]:
     """Mark grains of pairs that overlap by more than ``tolerance``, over the smaller radius.
 
@@ -54,7 +60,7 @@ def mark_overlaps(
     above, below = 0.0, 0.0
     marked[:] = False
     for c in range(i.size):
-        overlap = _overlap(scene, i[c], j[c])
+        overlap = _overlap(scene, pieces, i[c], j[c])
         if overlap > tolerance:
             marked[i[c]] = True
             above = max(above, overlap)
@@ -65,7 +71,12 @@ def mark_overlaps(
 
 @kernel
 def mark_again(
-    scene: Scene, around: Around, partner: Ints, tolerance: float, marked: NDArray[np.bool_]
+    scene: Scene,
+    pieces: Pieces | None,
+    around: Around,
+    partner: Ints,
+    tolerance: float,
+    marked: NDArray[np.bool_],
 ) -> tuple[float, float]:
     """As `mark_overlaps`, of all listed pairs of grains that are ``marked``: they have moved."""
     above, below = 0.0, 0.0
@@ -78,7 +89,7 @@ def mark_again(
             is_other = other < marked.size and marked[other]
             if is_other and other < k:
                 continue
-            overlap = _overlap(scene, around.owner[p], partner[p])
+            overlap = _overlap(scene, pieces, around.owner[p], partner[p])
             if overlap > tolerance:
                 again[k] = True
                 if is_other:
@@ -93,6 +104,7 @@ def mark_again(
 @kernel
 def surround(
     scene: Scene,
+    pieces: Pieces | None,
     around: Around,
     partner: Ints,
     near: float,
@@ -116,7 +128,7 @@ def surround(
                 other, p = around.other[e], around.pair[e]
                 if other >= count or marked[other]:
                     continue
-                if pair_geometry(scene, around.owner[p], partner[p])[0] <= near:
+                if true_gap(scene, pieces, around.owner[p], partner[p])[0] <= near:
                     marked[other] = True
                     grains[found] = other
                     found += 1
@@ -150,6 +162,7 @@ def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[
 @kernel
 def push_pairs(
     scene: Scene,
+    pieces: Pieces | None,
     i: Ints,
     j: Ints,
     around: Around,
@@ -169,7 +182,7 @@ def push_pairs(
     most = int(FEW * count)
     queue = np.empty((PUSHES * most, 2), np.int32)
     for c in range(i.size):
-        if marked[i[c]] and _overlap(scene, i[c], j[c]) > allowed:
+        if marked[i[c]] and _overlap(scene, pieces, i[c], j[c]) > allowed:
             if found == most:
                 return 0.0, 0.0
             queue[found, FIRST], queue[found, SECOND] = i[c], j[c]
@@ -178,7 +191,7 @@ def push_pairs(
     while done < found:
         a, b = queue[done, FIRST], queue[done, SECOND]
         done += 1
-        gap, nx, ny = pair_geometry(scene, a, b)
+        gap, nx, ny = true_gap(scene, pieces, a, b)
         smaller = smaller_of(scene, a, b)
         if -gap <= allowed * smaller:
             continue
@@ -202,7 +215,7 @@ def push_pairs(
             for e in range(around.start[k], around.start[k + 1]):
                 p = around.pair[e]
                 if found < queue.shape[0] and (
-                    _overlap(scene, around.owner[p], partner[p]) > allowed
+                    _overlap(scene, pieces, around.owner[p], partner[p]) > allowed
                 ):
                     queue[found, FIRST], queue[found, SECOND] = around.owner[p], partner[p]
                     found += 1
@@ -268,7 +281,14 @@ def _bodies(
 
 @kernel
 def _measure(
-    scene: Scene, bodies: _Bodies, i: Ints, j: Ints, near: float, target: float, allowed: float
+    scene: Scene,
+    pieces: Pieces | None,
+    bodies: _Bodies,
+    i: Ints,
+    j: Ints,
+    near: float,
+    target: float,
+    allowed: float,
 ) -> tuple[Ints, Floats]:
     """Pairs that can be moved: bodies; normal, how far they may still close [m] and 1/W [kg].
 
@@ -284,7 +304,7 @@ def _measure(
         b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
         if a == held and b == held:
             continue
-        gap, nx, ny = pair_geometry(scene, i[c], j[c])
+        gap, nx, ny = true_gap(scene, pieces, i[c], j[c])
         if gap > near:
             continue
         give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
@@ -382,6 +402,7 @@ def _solve(
 @kernel
 def separate(
     scene: Scene,
+    pieces: Pieces | None,
     i: Ints,
     j: Ints,
     marked: NDArray[np.bool_],
@@ -405,7 +426,7 @@ def separate(
     """
     is_cell = scene.height > 0.0
     bodies = _bodies(marked, mass, wall_inverse, is_cell)
-    pair, frame = _measure(scene, bodies, i, j, near, target, allowed)
+    pair, frame = _measure(scene, pieces, bodies, i, j, near, target, allowed)
     memory = start_loop(pair.shape[0])
     shift = _solve(pair, frame, bodies, enough, sweeps, memory)
     n, pull_x, pull_y = marked.size, 0.0, 0.0
@@ -464,6 +485,7 @@ class Correction(NamedTuple):
 @kernel
 def push_apart(
     scene: Scene,
+    pieces: Pieces | None,
     local: Floats,
     i: Ints,
     j: Ints,
@@ -484,25 +506,27 @@ def push_apart(
     `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
     Σ m δx and Σ m δy [kg m], and the rounds.
     """
-    above, below = mark_overlaps(scene, i, j, ALLOWED, marked)
+    above, below = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
     held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
     largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
     if above > 0.0:
-        pull_x, pull_y = push_pairs(scene, i, j, around, partner, mass, TARGET, ALLOWED, marked)
-        above, others = mark_again(scene, around, partner, ALLOWED, marked)
+        pull_x, pull_y = push_pairs(
+            scene, pieces, i, j, around, partner, mass, TARGET, ALLOWED, marked
+        )
+        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
         below = max(below, others)
         rounds = 1
     while above > 0.0 and rounds < ROUNDS:
         near = min(near, CHAIN * above * largest)
         is_local = rounds <= LOCAL_ROUNDS
         if is_local:
-            count = surround(scene, around, partner, near, rings, marked)
+            count = surround(scene, pieces, around, partner, near, rings, marked)
             is_local = count <= LOCAL_SHARE * marked.size
         if not is_local:
             marked[:] = True
         first, second = pairs_of(around, partner, marked)
         shift, dx, dy = separate(
-            scene, first, second, marked, mass, held if is_local else wall_inverse, near,
+            scene, pieces, first, second, marked, mass, held if is_local else wall_inverse, near,
             TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
         )  # fmt: skip
         pull_x += dx
@@ -522,7 +546,9 @@ def push_apart(
                 scene.wall_position[k, X] += shift[k, X]
                 scene.wall_position[k, Y] += shift[k, Y]
             place_shapes(scene.kind, scene.wall, local, scene.wall_position, scene.world)
-        above, others = mark_again(scene, around, partner, ALLOWED, marked)
+            if pieces is not None:
+                place_walls(pieces, scene, pieces.corner)
+        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
         below = max(below, others) if is_local else others
         rounds += 1
     return max(above, below), pull_x, pull_y, rounds
@@ -536,6 +562,7 @@ def reach_of(overlap: float, model: Model) -> float:
 
 def correct_positions(
     scene: Scene,
+    pieces: Pieces | None,
     model: Model,
     gravity: Floats,
     motion: WallMotion,
@@ -559,11 +586,11 @@ def correct_positions(
         side = scene.wall_position[0, [XX, YY, YY]]
         mobility = (mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side)
     overlap, pull_x, pull_y, rounds = push_apart(
-        scene, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
+        scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
         mobility, near, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
-        raise PhysicsError(step, _name_overlap(scene, model, lists, marked, overlap))
+        raise PhysicsError(step, _name_overlap(scene, pieces, model, lists, marked, overlap))
     shift = scene.wall_position - before
     if model.is_cell:
         shift = strain_between(before[0], scene.wall_position[0])[np.newaxis]
@@ -572,12 +599,17 @@ def correct_positions(
 
 
 def _name_overlap(
-    scene: Scene, model: Model, lists: NeighborList, marked: NDArray[np.bool_], overlap: float
+    scene: Scene,
+    pieces: Pieces | None,
+    model: Model,
+    lists: NeighborList,
+    marked: NDArray[np.bool_],
+    overlap: float,
 ) -> str:
     worst, pair = -1.0, (0, 0)
     for i in np.flatnonzero(marked).tolist():
         for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():
-            depth = _overlap(scene, i, j)
+            depth = _overlap(scene, pieces, i, j)
             if depth > worst:
                 worst, pair = depth, (i, j)
     i, j = pair

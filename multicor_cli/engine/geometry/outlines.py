@@ -1,0 +1,440 @@
+"""Where grains that are no discs touch: pieces with corners, their points, and those with walls.
+
+A piece is what lies within its rounding r of its core: a corner, two, or a convex polygon
+(`model/outlines.py`). Two cores that are apart are nearest at two of their corners, or at a corner
+and an edge; two edges that are nearly parallel touch at both ends of what they share. So two pieces
+have up to two points, and each is at a corner of one of them.
+
+Source: separating axes and clipping, as in E. Catto, *Box2D* (2024); that the edge which separates
+two cores most ends in their nearest corner follows from the support functions (derived).
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.arithmetic import cos, sin
+from multicor_cli.engine.geometry.scene import (
+    Scene,
+    from_first_end,
+    nearest_image,
+    pair_geometry,
+    shortest,
+)
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import ANGLE, RADIUS, TAIL_X, TAIL_Y, X, Y
+from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.outlines import Outlines
+from multicor_cli.model.shapes import ShapeKind
+
+NORMAL_X, NORMAL_Y = 2, 3
+"""Columns of corners: outward normal of the edge to the next one."""
+
+_PLANE, _CIRCLE, _VERTEX = int(ShapeKind.PLANE), int(ShapeKind.CIRCLE), int(ShapeKind.VERTEX)
+_DISC, _SEGMENT, _SIDE = int(ShapeKind.DISC), int(ShapeKind.SEGMENT), int(ShapeKind.SIDE)
+_CORNERS = {_PLANE: 0, _CIRCLE: 0, _VERTEX: 1, _DISC: 1, _SEGMENT: 2, _SIDE: 2}
+
+_PARALLEL = 1e-9
+"""Of an edge: shorter pieces that two edges share are points, and closer corners are one."""
+
+LEAN = 0.1
+"""How far, as a sine, the normal at a corner of a wall may lie outside of those of both sides."""
+
+
+# ---- Pieces of grains and of wall shapes, at one moment
+
+
+class Pieces(NamedTuple):
+    """Pieces of all grains, and then those of the wall shapes; planes and circles have none.
+
+    Attributes:
+        piece: First piece of each grain or wall shape, shape ``(n + m + 1,)``.
+        start: First corner of each piece, shape ``(p + 1,)``.
+        corner: Corners from the center, turned with their grain, and normals of the edges that
+            begin there; those of walls in the world [m], shape ``(v, 4)``.
+        rounding: How far each piece reaches beyond its core [m], shape ``(p,)``.
+        spin: σ, by which spins are speeds σω [m], shape ``(n,)`` (`Model.spin_radius`).
+        is_face: Which grains are no discs, shape ``(n,)``.
+    """
+
+    piece: Ints
+    start: Ints
+    corner: Floats
+    rounding: Floats
+    spin: Floats
+    is_face: NDArray[np.bool_]
+
+
+def pieces_of(model: Model) -> Pieces | None:
+    """Pieces of a model at angle 0, walls anywhere; None if all grains are discs."""
+    outlines, shapes = model.outlines, model.shapes
+    if outlines is None:
+        return None
+    corners = np.array([_CORNERS[kind] for kind in shapes.kind.tolist()], np.int32)
+    has = (corners > 0).astype(np.int32)
+    ends = outlines.start[-1] + np.cumsum(corners[corners > 0])
+    of_discs = np.where(shapes.kind == _DISC, shapes.geometry[:, RADIUS], 0.0)
+    corner = np.zeros((int(outlines.start[-1] + corners.sum()), 4))
+    corner[: len(outlines.corner)] = _with_normals(outlines)
+    return Pieces(
+        np.concatenate([outlines.piece, outlines.piece[-1] + np.cumsum(has)]).astype(np.int32),
+        np.concatenate([outlines.start, ends]).astype(np.int32),
+        corner,
+        np.concatenate([outlines.rounding, of_discs[corners > 0]]),
+        model.spin_radius,
+        ~outlines.is_disc,
+    )
+
+
+def _with_normals(outlines: Outlines) -> Floats:
+    found = np.zeros((len(outlines.corner), 4))
+    found[:, :2] = outlines.corner
+    after = np.arange(1, len(found) + 1)
+    after[outlines.start[1:] - 1] = outlines.start[:-1]
+    x, y = (outlines.corner[after] - outlines.corner).T
+    length = np.sqrt(x * x + y * y)
+    length[length == 0.0] = 1.0
+    found[:, NORMAL_X], found[:, NORMAL_Y] = y / length, -x / length
+    return found
+
+
+def turned(pieces: Pieces, scene: Scene) -> Pieces:
+    """The pieces as grains and walls lie in a scene; ``pieces`` are at angle 0."""
+    corner = np.empty_like(pieces.corner)
+    turn_grains(pieces, scene.position, corner)
+    place_walls(pieces, scene, corner)
+    return pieces._replace(corner=corner)
+
+
+@kernel
+def turn_grains(pieces: Pieces, position: Floats, corner: Floats) -> None:
+    """Turn the corners of grains with them, into ``corner``, **modified**."""
+    local = pieces.corner
+    for k in range(position.shape[0]):
+        c, s = cos(position[k, ANGLE]), sin(position[k, ANGLE])
+        for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
+            x, y, nx, ny = local[v, X], local[v, Y], local[v, NORMAL_X], local[v, NORMAL_Y]
+            corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
+            corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+
+
+@kernel
+def place_walls(pieces: Pieces, scene: Scene, corner: Floats) -> None:
+    """Put the corners of wall shapes where they are in a scene, into ``corner``, **modified**."""
+    count, world = scene.radius.size, scene.world
+    for k in range(scene.kind.size):
+        piece = pieces.piece[count + k]
+        if piece == pieces.piece[count + k + 1]:
+            continue
+        v = pieces.start[piece]
+        corner[v, X], corner[v, Y] = world[k, X], world[k, Y]
+        if pieces.start[piece + 1] - v == 1:
+            corner[v, NORMAL_X], corner[v, NORMAL_Y] = 0.0, 0.0
+            continue
+        corner[v + 1, X], corner[v + 1, Y] = world[k, TAIL_X], world[k, TAIL_Y]
+        x, y = world[k, TAIL_X] - world[k, X], world[k, TAIL_Y] - world[k, Y]
+        length = sqrt(x * x + y * y)
+        corner[v, NORMAL_X], corner[v, NORMAL_Y] = y / length, -x / length
+        corner[v + 1, NORMAL_X], corner[v + 1, NORMAL_Y] = -y / length, x / length
+
+
+# ---- Two pieces
+
+
+class Point(NamedTuple):
+    """Where two pieces touch or nearly do.
+
+    Attributes:
+        nx: Normal from j to i, (n_x, n_y).
+        ny: Its second component.
+        gap: Gap along it [m]; infinite where there is no point.
+        i_x: From the center of i to its surface, (x, y) [m].
+        i_y: Its second component.
+        j_x: From the center of j to its surface, (x, y) [m].
+        j_y: Its second component.
+        corner: The corner of one of them at which it is.
+    """
+
+    nx: float
+    ny: float
+    gap: float
+    i_x: float
+    i_y: float
+    j_x: float
+    j_y: float
+    corner: np.int64
+
+
+NOWHERE = Point(0.0, 1.0, inf, 0.0, 0.0, 0.0, 0.0, np.int64(-1))
+
+
+@kernel
+def _widest(
+    corner: Floats, first: int, last: int, other: int, end: int, ox: float, oy: float
+) -> tuple[float, int, int]:
+    """The edge of a core that is farthest from another core, whose center lies (ox, oy) away.
+
+    Returns how far [m], below 0 if none separates them; the edge, and the nearest corner.
+    """
+    widest, edge, nearest = -inf, first, other
+    if last - first == 1:  # no edge
+        return widest, edge, nearest
+    for e in range(first, last):
+        nx, ny = corner[e, NORMAL_X], corner[e, NORMAL_Y]
+        least, at = inf, other
+        for v in range(other, end):
+            height = nx * (ox + corner[v, X] - corner[e, X]) + ny * (
+                oy + corner[v, Y] - corner[e, Y]
+            )
+            if height < least:
+                least, at = height, v
+        if least > widest:
+            widest, edge, nearest = least, e, at
+    return widest, edge, nearest
+
+
+@kernel
+def _seen_from(
+    p: int, edge: int, separation: float, q: int, v: int, ox: float, oy: float, pieces: Pieces
+) -> tuple[Point, Point]:
+    """Points of the piece p, whose ``edge`` is nearest to the corner v of q; i is p here.
+
+    (ox, oy) leads from the center of p to that of q, ``separation`` is the distance of v from the
+    line of the edge [m].
+    """
+    corner, start = pieces.corner, pieces.start
+    last, other, end = start[p + 1], start[q], start[q + 1]
+    r_p, r_q = pieces.rounding[p], pieces.rounding[q]
+    px, py = corner[edge, X], corner[edge, Y]
+    vx, vy = ox + corner[v, X], oy + corner[v, Y]
+    nx, ny = corner[edge, NORMAL_X], corner[edge, NORMAL_Y]
+    ax, ay, bx, by, gap, key = px, py, vx, vy, separation, np.int64(v)
+    second = NOWHERE
+    if last - start[p] == 1:  # two corners alone
+        nx, ny = vx - px, vy - py
+        gap = sqrt(nx * nx + ny * ny)
+        nx, ny = (nx / gap, ny / gap) if gap > 0.0 else (0.0, -1.0)
+    else:
+        after = edge + 1 if edge + 1 < last else start[p]
+        length = (corner[after, Y] - py) * nx - (corner[after, X] - px) * ny
+        # Of the two edges at v the one that faces p more, to its other corner w
+        w, before = v + 1 if v + 1 < end else other, v - 1 if v > other else end - 1
+        ahead = nx * corner[v, NORMAL_X] + ny * corner[v, NORMAL_Y]
+        behind = nx * corner[before, NORMAL_X] + ny * corner[before, NORMAL_Y]
+        w = w if ahead <= behind else before
+        wx, wy = ox + corner[w, X], oy + corner[w, Y]
+        # Places along the edge of p, from its first corner
+        at_v = (vy - py) * nx - (vx - px) * ny
+        at_w = (wy - py) * nx - (wx - px) * ny
+        low, high = min(at_v, at_w), max(at_v, at_w)
+        at = min(max(at_v, 0.0), length)
+        mx, my = nx, ny
+        ax, ay = px - at * ny, py + at * nx
+        if at != at_v:
+            nearest_end = edge if at == 0.0 else after
+            along = (ax - vx) * (wx - vx) + (ay - vy) * (wy - vy)
+            if low < at < high and along > 0.0:
+                # Edges that are parallel to rounding: the end of this one is over the other
+                part = (at - at_v) / (at_w - at_v)
+                bx, by = vx + part * (wx - vx), vy + part * (wy - vy)
+                gap, key = (bx - ax) * nx + (by - ay) * ny, np.int64(nearest_end)
+            elif separation > 0.0:
+                away = sqrt((vx - ax) * (vx - ax) + (vy - ay) * (vy - ay))
+                if away > _PARALLEL * length:
+                    mx, my, gap = (vx - ax) / away, (vy - ay) / away, away
+                    key = np.int64(max(v, nearest_end))  # of a grain and a wall that of the wall
+        to = min(at_w, length) if at_w > at_v else max(at_w, 0.0)
+        if abs(to - at) > _PARALLEL * length and low <= to <= high and (to > at) == (at_w > at_v):
+            part = (to - at_v) / (at_w - at_v)
+            cx, cy = px - to * ny, py + to * nx
+            dx, dy = vx + part * (wx - vx), vy + part * (wy - vy)
+            gap_2 = (dx - cx) * mx + (dy - cy) * my - (r_p + r_q)
+            key_2 = w if to == at_w else (after if to == length else edge)
+            second = Point(
+                -mx, -my, gap_2, cx + r_p * mx, cy + r_p * my, dx - ox - r_q * mx,
+                dy - oy - r_q * my, np.int64(key_2),
+            )  # fmt: skip
+        nx, ny = mx, my
+    first = Point(
+        -nx, -ny, gap - (r_p + r_q), ax + r_p * nx, ay + r_p * ny, bx - ox - r_q * nx,
+        by - oy - r_q * ny, key,
+    )  # fmt: skip
+    return first, second
+
+
+@kernel
+def _swapped(point: Point) -> Point:
+    return Point(
+        -point.nx, -point.ny, point.gap, point.j_x, point.j_y, point.i_x, point.i_y, point.corner
+    )
+
+
+@kernel
+def touch(pieces: Pieces, a: int, b: int, dx: float, dy: float) -> tuple[Point, Point]:
+    """Points of two pieces, the nearer first; (dx, dy) leads from the center of b's to a's."""
+    start, corner = pieces.start, pieces.corner
+    of_a, edge_a, far_b = _widest(corner, start[a], start[a + 1], start[b], start[b + 1], -dx, -dy)
+    of_b, edge_b, far_a = _widest(corner, start[b], start[b + 1], start[a], start[a + 1], dx, dy)
+    if of_b > of_a or start[a + 1] - start[a] == 1:
+        first, second = _seen_from(b, edge_b, of_b, a, far_a, dx, dy, pieces)
+        return _swapped(first), _swapped(second)
+    return _seen_from(a, edge_a, of_a, b, far_b, -dx, -dy, pieces)
+
+
+# ---- A piece of a grain and a wall shape
+
+
+@kernel
+def _touch_plane(
+    pieces: Pieces, a: int, dx: float, dy: float, nx: float, ny: float
+) -> tuple[Point, Point]:
+    """The two lowest neighbors of its corners over a half-plane, whose point is −(dx, dy) away."""
+    first, last, r, corner = pieces.start[a], pieces.start[a + 1], pieces.rounding[a], pieces.corner
+    low = first
+    for v in range(first, last):
+        if corner[v, X] * nx + corner[v, Y] * ny < corner[low, X] * nx + corner[low, Y] * ny:
+            low = v
+    before, after = low - 1 if low > first else last - 1, low + 1 if low + 1 < last else first
+    of_before = corner[before, X] * nx + corner[before, Y] * ny
+    of_after = corner[after, X] * nx + corner[after, Y] * ny
+    next_one = before if of_before < of_after else after
+    found = _over_plane(corner, low, r, dx, dy, nx, ny)
+    if last - first == 1:
+        return found, NOWHERE
+    return found, _over_plane(corner, next_one, r, dx, dy, nx, ny)
+
+
+@kernel
+def _over_plane(
+    corner: Floats, v: int, r: float, dx: float, dy: float, nx: float, ny: float
+) -> Point:
+    x, y = corner[v, X] - r * nx, corner[v, Y] - r * ny
+    gap = (dx + x) * nx + (dy + y) * ny
+    return Point(nx, ny, gap, x, y, dx + x - gap * nx, dy + y - gap * ny, np.int64(v))
+
+
+@kernel
+def _touch_circle(
+    pieces: Pieces, a: int, dx: float, dy: float, radius: float
+) -> tuple[Point, Point]:
+    """The two corners of a piece nearest to a circle around it; its center is −(dx, dy) away."""
+    first, second = NOWHERE, NOWHERE
+    r, corner = pieces.rounding[a], pieces.corner
+    for v in range(pieces.start[a], pieces.start[a + 1]):
+        x, y = dx + corner[v, X], dy + corner[v, Y]
+        away = sqrt(x * x + y * y)
+        nx, ny = (-x / away, -y / away) if away > 0.0 else (0.0, 1.0)
+        point = Point(
+            nx, ny, radius - away - r, corner[v, X] - r * nx, corner[v, Y] - r * ny, -radius * nx,
+            -radius * ny, np.int64(v),
+        )  # fmt: skip
+        if point.gap < first.gap:
+            first, second = point, first
+        elif point.gap < second.gap:
+            second = point
+    return first, second
+
+
+@kernel
+def _is_outside(scene: Scene, shape: int, nx: float, ny: float) -> bool:
+    """Whether something with this normal can lie on a corner of a wall, beside both its sides."""
+    world = scene.world
+    for side in range(2):
+        line = int(world[shape, TAIL_X if side == 0 else TAIL_Y])
+        if line < 0:
+            continue
+        x, y = world[line, TAIL_X] - world[line, X], world[line, TAIL_Y] - world[line, Y]
+        # Along the one that ends here it leads on, along the one that begins here back
+        leads = (x * nx + y * ny) * (1.0 if side == 0 else -1.0)
+        if leads < -LEAN * sqrt(x * x + y * y):
+            return False
+    return True
+
+
+@kernel
+def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tuple[Point, Point]:
+    """Points of a piece of a grain and a wall shape; levers of j lead from its reference point.
+
+    Corners of walls are shapes of their own: lines have no points there.
+    """
+    kind, wall, world = scene.kind[shape], scene.wall[shape], scene.world
+    x, y = scene.position[i, X], scene.position[i, Y]
+    at_x, at_y = world[shape, X], world[shape, Y]
+    if kind in (_SEGMENT, _SIDE):
+        dx = from_first_end(x, at_x, world[shape, TAIL_X], scene.period)
+    else:
+        dx = nearest_image(x - at_x, scene.period)
+    dy = y - at_y
+    if kind == _PLANE:
+        first, second = _touch_plane(pieces, a, dx, dy, world[shape, TAIL_X], world[shape, TAIL_Y])
+    elif kind == _CIRCLE:
+        first, second = _touch_circle(pieces, a, dx, dy, world[shape, RADIUS])
+    else:
+        b = pieces.piece[scene.radius.size + shape]
+        first, second = touch(pieces, a, b, dx + at_x, y)
+        at_x, at_y = 0.0, 0.0  # its corners are in the world
+        if kind in (_SEGMENT, _SIDE):
+            first = first if first.corner < pieces.start[b] else NOWHERE
+            second = second if second.corner < pieces.start[b] else NOWHERE
+        elif kind == _VERTEX and not _is_outside(scene, shape, first.nx, first.ny):
+            first = NOWHERE
+    at_x -= scene.wall_position[wall, X]
+    at_y -= scene.wall_position[wall, Y]
+    return _moved(first, at_x, at_y), _moved(second, at_x, at_y)
+
+
+@kernel
+def _moved(point: Point, x: float, y: float) -> Point:
+    return Point(
+        point.nx, point.ny, point.gap, point.i_x, point.i_y, point.j_x + x, point.j_y + y,
+        point.corner,
+    )  # fmt: skip
+
+
+@kernel
+def touch_pieces(
+    pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int
+) -> tuple[Point, Point]:
+    """Points of a piece of a grain with one of another grain, or with a wall shape (any ``b``)."""
+    if j >= scene.radius.size:
+        return touch_wall(pieces, scene, i, a, j - scene.radius.size)
+    dx, dy = shortest(
+        scene.position[i, X] - scene.position[j, X], scene.position[i, Y] - scene.position[j, Y],
+        scene.period, scene.height, scene.tilt,
+    )  # fmt: skip
+    return touch(pieces, a, b, dx, dy)
+
+
+@kernel
+def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
+    """First and last pieces b of j for `touch_pieces`: one, whatever it is, of a wall shape."""
+    if j >= scene.radius.size:
+        return 0, 1
+    return pieces.piece[j], pieces.piece[j + 1]
+
+
+@kernel
+def are_faces(pieces: Pieces, i: int, j: int) -> bool:
+    """Whether one of a pair is a grain that is no disc."""
+    return pieces.is_face[i] or (j < pieces.is_face.size and pieces.is_face[j])
+
+
+@kernel
+def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
+    """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
+    if pieces is None:
+        return pair_geometry(scene, i, j)
+    if not are_faces(pieces, i, j):
+        return pair_geometry(scene, i, j)
+    gap, nx, ny = inf, 0.0, 1.0
+    first, last = pieces_met(pieces, scene, j)
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for b in range(first, last):
+            for point in touch_pieces(pieces, scene, i, a, j, b):
+                if point.gap < gap:
+                    gap, nx, ny = point.gap, point.nx, point.ny
+    return gap, nx, ny
