@@ -150,7 +150,7 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
         model.shape_factor, 1.0, state.position,
         state.velocity,
     )  # fmt: skip
-    find_closing(scene, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0)
+    find_closing(scene, None, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0)
 
 
 def _schedule(model: Model, scene: Scene) -> Schedule:
@@ -174,7 +174,7 @@ def _prepare(model: Model, scene: Scene, contacts: Contacts, bodies: Floats) -> 
     fix_lanes(scene, model.laws, bodies, _NOBODY, _NOBODY, lanes.slot, lanes.about, lanes.frame)
     leave_out(_NO_ROWS, _NOBODY, _NOBODY, _NOBODY)
     pairs_up_to(scene, _NO_ROWS, _NOBODY, 1.0)
-    fastest_approach(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0)
+    fastest_approach(scene, None, _NO_ROWS, _NOBODY, bodies, bodies, 1.0)
 
 
 def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> None:

@@ -115,6 +115,9 @@ from multicor_cli.model.state import State, find_absurd_value
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
+NEAREST, FARTHER = 0.01, 2.5
+"""Gap up to which points of pairs with corners are looked at, over the mean diameter; and how much
+farther those for which there is room may be when contacts are sought."""
 MOST_WORN = 0.5
 """Largest part of its volume that a grain may lose."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
@@ -485,7 +488,10 @@ class Engine:
         self._clock("detect")
         margin, is_missing, far = 0.0, True, self._far(step, step.cutoff, layout.before)
         while is_missing:
-            contacts, scale, is_solved = self._gather(step, far)
+            contacts, scale, is_solved, has_room = self._gather(step, far)
+            if not has_room:
+                selection.seek(step.scene, max(self._margin(step), FARTHER * far))
+                continue
             ordered = self._assemble(step.scene, contacts)
             self._clock("prepare")
             outcome = _NOTHING_TO_SOLVE
@@ -497,14 +503,17 @@ class Engine:
             after = ordered.collect(contacts)
             cutoff = self._cutoff_after(step, after)
             self._list_up_to(cutoff, step)
-            is_missing, fastest = selection.closing(step.scene, after, after, cutoff, dt, -math.inf)
             needed = self._far(step, cutoff, after)
-            if far < needed:
-                far, is_missing = 2.0 * needed, True
-            elif is_missing:
+            is_missing, fastest = selection.closing(
+                step.scene, after, after, max(cutoff, needed), dt, -math.inf
+            )
+            if is_missing:
                 margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
+                margin = max(margin, FARTHER * needed)
                 selection.seek(step.scene, margin)
                 self._select_impacts(step)
+            if needed > far:  # points that were too far may meet with these velocities
+                far, is_missing = 2.0 * needed, True
             self._clock("detect")
         outcome.require_convergence(self.orders.settings, state.step)
         return self._end(step, contacts, after, outcome, cutoff)
@@ -789,7 +798,7 @@ class Engine:
             return 0.0
         count, reach = model.grain_count, model.grains.radius / model.spin_radius
         turning = float(np.abs(bodies[:count, SURFACE] * reach).max(initial=0.0))
-        return max(cutoff + 2.0 * AHEAD * step.dt * turning, SKIN * model.mean_diameter)
+        return max(cutoff + 2.0 * AHEAD * step.dt * turning, NEAREST * model.mean_diameter)
 
     # ---- Its contacts
 
@@ -799,8 +808,9 @@ class Engine:
         reach = longest_reach(self._laws)
         layout.selection.take(layout.state)
         layout.pairs.update(scene, step.cutoff)
+        cutoff = max(step.cutoff, self._far(step, step.cutoff, layout.before))
         if layout.selection.closing(
-            scene, layout.before, layout.free, step.cutoff, AHEAD * step.dt, reach
+            scene, layout.before, layout.free, cutoff, AHEAD * step.dt, reach
         )[0]:
             layout.selection.seek(scene, self._margin(step))
         self._select_impacts(step)
@@ -819,6 +829,8 @@ class Engine:
         margin = layout.selection.margin(
             step.scene, layout.before, layout.free, step.cutoff, step.dt
         )
+        if layout.pieces is not None:
+            margin = max(margin, FARTHER * self._far(step, step.cutoff, layout.before))
         reach = longest_reach(self._laws)
         return reach + max(margin, SKIN * self.model.mean_diameter) if reach > 0.0 else margin
 
@@ -828,8 +840,11 @@ class Engine:
         if gap > layout.pairs.complete:
             layout.pairs.update(step.scene, gap)
 
-    def _gather(self, step: Prediction, far: float) -> tuple[Contacts, ResidualScale, bool]:
-        """The contacts, warm-started, the scale of the residuals, and if any is to be solved."""
+    def _gather(self, step: Prediction, far: float) -> tuple[Contacts, ResidualScale, bool, bool]:
+        """The contacts, warm-started, the scale of the residuals, and if any is to be solved.
+
+        Last whether there was room for all points, with a gap up to ``far`` [m].
+        """
         layout, state, laws, dt = self._layout, self._layout.state, self._laws, step.dt
         selection, scene, start = layout.selection, step.scene, layout.before
         contacts, i, j = selection.contacts, selection.i, selection.j
@@ -844,10 +859,10 @@ class Engine:
             scene.tilt, *self._gradient(start),
         )  # fmt: skip
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
-        faces = None
+        faces, has_room = None, True
         if selection.faces.first.size:
             assert layout.pieces is not None
-            faces = begin_faces(
+            faces, has_room = begin_faces(
                 scene, turned(layout.pieces, scene), laws, start, dt, ratio, far,
                 selection.faces, selection.faces.most, contacts,
             )  # fmt: skip
@@ -885,7 +900,7 @@ class Engine:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
-        return contacts, scale, is_solved
+        return contacts, scale, is_solved, has_room
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         layout, motion = self._layout, self._motion

@@ -115,6 +115,10 @@ class State:
     near_j: Ints = _array(
         ("near_row",), "1", "second shape of each of these pairs", "i4", since=(1, 5)
     )
+    near_points: Ints = _array(
+        ("near_point_row",), "1", "number of points of each of these pairs for which there is room",
+        "i4", only_with="outlines", since=(1, 12),
+    )  # fmt: skip
     tile: Ints = _array(("grain", 2), "1",
         "column and row of the tile in which a grain was when these pairs were sought", "i4",
         since=(1, 5))  # fmt: skip
@@ -343,6 +347,7 @@ _PAIRS = {
     "near_j": ("near_i", "near_j"),
     "bridge_j": ("bridge_i", "bridge_j"),
     "contact_point": ("contact_i", "contact_j"),
+    "near_points": ("near_i", "near_j"),
 }
 
 
@@ -412,7 +417,12 @@ def _find_wrong_pairs(state: State, model: Model) -> str | None:
     n, shapes = model.grain_count, model.shape_count
     for name, (i, j) in {**_CONTACTS, **_PAIRS}.items():
         first, second = getattr(state, i), getattr(state, j)
-        only = {"contact_couple": model.laws.rolling.size, "contact_point": model.outlines}
+        has_points = model.outlines is not None
+        only = {
+            "contact_couple": model.laws.rolling.size > 0,
+            "contact_point": has_points,
+            "near_points": has_points,
+        }
         rows = first.size if only.get(name, True) else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
             return f"{i}, {j} and {name} have different lengths"

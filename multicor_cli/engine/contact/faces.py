@@ -1,7 +1,7 @@
 """Contacts of grains that are no discs: a record for each point, with levers on both sides.
 
-Which pairs may touch is known from the circles around them. Each pair has room for all points that
-its pieces may have (`engine/geometry/outlines.py`); a step fills as many as there are. A point is
+A pair that is a contact has room for the points that were near when contacts were last sought
+(`engine/contact/selection.py`); a step fills as many as there are. A point is
 known again by the corner at which it is and by the pieces, its `key`: so its impulse is where the
 next solve begins, wherever the point stands in the table.
 
@@ -85,14 +85,10 @@ class FacePairs(NamedTuple):
 NO_FACES = FacePairs(np.empty(0, np.int32), np.empty(0, np.int32))
 
 
-def make_room(pieces: Pieces, i: Ints, j: Ints) -> tuple[Ints, Ints, FacePairs]:
-    """Pairs, sorted, with a row for each of their points; and which of these rows are faces."""
-    count, pieces_of = pieces.is_face.size, np.diff(pieces.piece)
-    is_wall = j >= count
-    other = np.where(is_wall, 0, j)
-    is_face = pieces.is_face[i] | (~is_wall & pieces.is_face[other])
-    met = np.where(is_wall, 1, pieces_of[other])
-    room = np.where(is_face, 2 * pieces_of[i] * met, 1)
+def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints, FacePairs]:
+    """Pairs, sorted, with a row for each point that has room; and which of these rows are faces."""
+    is_wall = j >= pieces.is_face.size
+    is_face = pieces.is_face[i] | (~is_wall & pieces.is_face[np.where(is_wall, 0, j)])
     first = np.cumsum(room) - room
     faces = FacePairs(first[is_face].astype(np.int32), room[is_face].astype(np.int32))
     return np.repeat(i, room), np.repeat(j, room), faces
@@ -145,14 +141,16 @@ def _enter_point(
 def begin_faces(
     scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, dt: float, ratio: float,
     far: float, faces: FacePairs, most: int, contacts: Contacts,
-) -> Speeds:  # fmt: skip
+) -> tuple[Speeds, bool]:  # fmt: skip
     """Find the points of pairs with a gap up to ``far`` [m], with impulses of those known before.
 
     Arguments as `begin_walls`; ``most`` is the largest room of a pair. A point that is new takes
-    the impulse of one of its pair that is no more. **Modifies** ``contacts``.
+    the impulse of one of its pair that is no more. **Modifies** ``contacts``. Also returns whether
+    there was room for all.
     """
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    has_room = True
     for f in range(faces.first.size):
         base, room = faces.first[f], faces.room[f]
         i, j = contacts[base].i, contacts[base].j
@@ -167,7 +165,9 @@ def begin_faces(
         for a in range(pieces.piece[i], pieces.piece[i + 1]):
             for b in range(first, last):
                 for point in touch_pieces(pieces, scene, i, a, j, b):
-                    if point.gap <= far:
+                    if point.gap <= far and found == room:
+                        has_room = False
+                    elif point.gap <= far:
                         key = _key(pieces, scene, i, a, j, b, point.corner)
                         _enter_point(
                             base + found, point, key, scene, pieces, laws, start, dt, contacts
@@ -187,7 +187,7 @@ def begin_faces(
                 loaded += 1.0
             motion += sqrt(u_n * u_n + u_t * u_t)
             met += 1.0
-    return Speeds(squares, closing, slip, loaded, motion, met)
+    return Speeds(squares, closing, slip, loaded, motion, met), has_room
 
 
 @kernel

@@ -23,7 +23,15 @@ from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_bac
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import Pieces, true_gap
+from multicor_cli.engine.geometry.outlines import (
+    Pieces,
+    are_faces,
+    circle_gap,
+    fastest_points,
+    points_within,
+    true_gap,
+    turned,
+)
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -43,6 +51,7 @@ solve."""
 @parallel_kernel
 def fastest_approach(
     scene: Scene,
+    pieces: Pieces | None,
     row: NDArray[np.int64],
     partner: Ints,
     start: Floats,
@@ -51,7 +60,8 @@ def fastest_approach(
 ) -> float:
     """Largest speed of approach of the listed pairs with a gap below ``cutoff`` [m], or 0 [m/s].
 
-    At q_m, with the velocities ``start`` or ``free``, whichever approach faster.
+    At q_m, with the velocities ``start`` or ``free``, whichever approach faster; of grains that are
+    no discs a bound.
     """
     count = scene.radius.size
     fastest = np.zeros((count + CHUNK - 1) // CHUNK)
@@ -62,13 +72,51 @@ def fastest_approach(
                 j = partner[p]
                 g, nx, ny = pair_geometry(scene, i, j)
                 if g < cutoff:
-                    best = max(best, -normal_velocity(scene, start, i, j, nx, ny, g))
-                    best = max(best, -normal_velocity(scene, free, i, j, nx, ny, g))
+                    best = max(best, -closing_velocity(scene, pieces, start, i, j, nx, ny, g))
+                    best = max(best, -closing_velocity(scene, pieces, free, i, j, nx, ny, g))
         fastest[chunk] = best
     best = 0.0
     for chunk in range(fastest.size):
         best = max(best, fastest[chunk])
     return best
+
+
+@kernel
+def closing_velocity(
+    scene: Scene, pieces: Pieces | None, velocity: Floats, i: int, j: int, nx: float, ny: float,
+    gap: float,
+) -> float:  # fmt: skip
+    """`normal_velocity` of a pair that is no contact; a bound if one is no disc [m/s].
+
+    No two points of such a pair approach faster, whatever its normal.
+    """
+    if pieces is None:
+        return normal_velocity(scene, velocity, i, j, nx, ny, gap)
+    if not are_faces(pieces, i, j):
+        return normal_velocity(scene, velocity, i, j, nx, ny, gap)
+    return -fastest_points(scene, pieces, velocity, i, j)
+
+
+@kernel
+def points_up_to(
+    scene: Scene, pieces: Pieces, row: NDArray[np.int64], partner: Ints, margin: float
+) -> tuple[Ints, Ints, Ints]:
+    """As `pairs_up_to`, with the number of points of each pair that are as near; 1 of discs."""
+    first, second = np.empty(partner.size, np.int32), np.empty(partner.size, np.int32)
+    room, found = np.empty(partner.size, np.int32), 0
+    for i in range(row.size - 1):
+        for p in range(row[i], row[i + 1]):
+            j = partner[p]
+            if circle_gap(scene, i, j) > margin:
+                continue
+            count = 0
+            if are_faces(pieces, i, j):
+                count = points_within(scene, pieces, i, j, margin)
+            elif pair_geometry(scene, i, j)[0] <= margin:
+                count = 1
+            first[found], second[found], room[found] = i, j, count
+            found += count > 0
+    return first[:found].copy(), second[:found].copy(), room[:found].copy()
 
 
 @kernel
@@ -101,9 +149,22 @@ def leave_out(row: NDArray[np.int64], partner: Ints, i: Ints, j: Ints) -> tuple[
     return first[:found].copy(), second[:found].copy()
 
 
+@kernel
+def beside_gap(
+    scene: Scene, pieces: Pieces | None, i: int, j: int, cutoff: float
+) -> tuple[float, float, float]:
+    """Gap and normal of a pair, the true gap of grains that are no discs and nearer than that."""
+    if pieces is None:
+        return pair_geometry(scene, i, j)
+    if not are_faces(pieces, i, j) or circle_gap(scene, i, j) >= cutoff:
+        return pair_geometry(scene, i, j)
+    return true_gap(scene, pieces, i, j)
+
+
 @parallel_kernel
 def find_closing(
     scene: Scene,
+    pieces: Pieces | None,
     i: Ints,
     j: Ints,
     start: Floats,
@@ -121,13 +182,13 @@ def find_closing(
     for chunk in prange(found.shape[0]):
         count, fastest = 0.0, 0.0
         for k in range(chunk * CHUNK, min(i.size, (chunk + 1) * CHUNK)):
-            gap, nx, ny = pair_geometry(scene, i[k], j[k])
+            gap, nx, ny = beside_gap(scene, pieces, i[k], j[k], cutoff)
             if gap <= reach:
                 count += 1.0
             elif gap < cutoff:
                 u_n = min(
-                    normal_velocity(scene, start, i[k], j[k], nx, ny, gap),
-                    normal_velocity(scene, end, i[k], j[k], nx, ny, gap),
+                    closing_velocity(scene, pieces, start, i[k], j[k], nx, ny, gap),
+                    closing_velocity(scene, pieces, end, i[k], j[k], nx, ny, gap),
                 )
                 if gap + dt * u_n < 0.0:
                     count += 1.0
@@ -149,6 +210,9 @@ def deepest_overlap(scene: Scene, pieces: Pieces | None, i: Ints, j: Ints) -> fl
     return best
 
 
+_NO_ROOM = np.empty(0, np.int32)
+
+
 class Selection:
     """The contacts of steps to come, and what lasts with them.
 
@@ -157,6 +221,7 @@ class Selection:
         j: Grains or wall shapes, shape ``(c,)``; sorted by (i, j).
         pair_i: The same with each pair once; else it has room for all its points.
         pair_j: Likewise.
+        room: Number of points of each pair for which there is room; of size 0 among discs.
         faces: Pairs of which one is no disc, and their room.
         tile: Column and row of the tile of each grain when they were sought, shape ``(n, 2)``.
         contacts: Their table, for each step to fill.
@@ -166,7 +231,7 @@ class Selection:
         self._model, self._pairs, self._pieces = model, pairs, pieces
         self.pair_i: Ints = np.empty(0, np.int32)
         self.pair_j: Ints = np.empty(0, np.int32)
-        self.faces = NO_FACES
+        self.room, self.faces = _NO_ROOM, NO_FACES
         self.i: Ints = np.empty(0, np.int32)
         self.j: Ints = np.empty(0, np.int32)
         self.tile: Ints = np.zeros((model.grain_count, 2), np.int32)
@@ -184,11 +249,12 @@ class Selection:
         """Go on with the contacts of a state, if they are not those that it was given."""
         is_same = self.pair_i is state.near_i and self.pair_j is state.near_j
         if not (is_same and self.tile is state.tile):
-            self._set(state.near_i, state.near_j, state.tile)
+            self._set(state.near_i, state.near_j, state.tile, state.near_points)
 
     def give(self, state: State) -> None:
         """Enter the contacts, and those that carry an impulse, into a state."""
         state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
+        state.near_points = self.room
         schedule = self.lanes
         if self._pieces is not None:
             self.tabulate()
@@ -228,8 +294,13 @@ class Selection:
         pairs, diameter = self._pairs, self._model.mean_diameter
         margin = max(margin, SKIN * diameter)
         pairs.update(scene, margin)
-        i, j = pairs_up_to(scene, pairs.row, pairs.partner, margin)
-        self._set(i, j, lay_tiles(scene, i, j, diameter))
+        if self._pieces is None:
+            i, j = pairs_up_to(scene, pairs.row, pairs.partner, margin)
+            room = _NO_ROOM
+        else:
+            pieces = turned(self._pieces, scene)
+            i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
+        self._set(i, j, lay_tiles(scene, i, j, diameter), room)
 
     def add(self, scene: Scene, impacts: Impacts) -> None:
         """Take pairs that have had impacts too, wherever they are in the middle of the step."""
@@ -237,12 +308,13 @@ class Selection:
             np.column_stack([np.append(self.i, impacts.i), np.append(self.j, impacts.j)]), axis=0
         )
         i, j = np.ascontiguousarray(pairs.T)
-        self._set(i, j, lay_tiles(scene, i, j, self._model.mean_diameter))
+        self._set(i, j, lay_tiles(scene, i, j, self._model.mean_diameter), _NO_ROOM)
 
-    def _set(self, i: Ints, j: Ints, tile: Ints) -> None:
+    def _set(self, i: Ints, j: Ints, tile: Ints, room: Ints) -> None:
         self.i, self.j, self.tile = self.pair_i, self.pair_j, _ = i, j, tile
+        self.room, self.faces = room, NO_FACES
         if self._pieces is not None:
-            self.i, self.j, self.faces = make_room(self._pieces, i, j)
+            self.i, self.j, self.faces = make_room(self._pieces, i, j, room)
         self.contacts = np.zeros(self.i.size, CONTACT)
         self.contacts["i"], self.contacts["j"], self.contacts["key"] = self.i, self.j, -1
         self._schedule = self._beside = self._entered = None
@@ -254,7 +326,8 @@ class Selection:
         ``cutoff`` is a gap that no pair closes, up to which the list is complete [m].
         """
         row, partner = self._pairs.row, self._pairs.partner
-        return LASTS * dt * fastest_approach(scene, row, partner, start, free, cutoff)
+        fastest = fastest_approach(scene, self._pieces, row, partner, start, free, cutoff)
+        return LASTS * dt * fastest
 
     def schedule(
         self,
@@ -338,7 +411,8 @@ class Selection:
         self, scene: Scene, start: Floats, end: Floats, cutoff: float, dt: float, reach: float
     ) -> tuple[bool, float]:
         """As `find_closing`, of all pairs; the list is complete up to ``cutoff`` and ``reach``."""
-        return find_closing(scene, *self.beside, start, end, cutoff, dt, reach)
+        pieces = None if self._pieces is None else turned(self._pieces, scene)
+        return find_closing(scene, pieces, *self.beside, start, end, cutoff, dt, reach)
 
     def overlap_beside(self, scene: Scene, pieces: Pieces | None) -> float:
         """Largest overlap at the end of a step of pairs that are no contacts, over the radius.

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import cos, sin
 from multicor_cli.engine.geometry.scene import (
     Scene,
+    distance_to_shape,
     from_first_end,
     nearest_image,
     pair_geometry,
     shortest,
 )
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.model.columns import ANGLE, RADIUS, TAIL_X, TAIL_Y, X, Y
+from multicor_cli.model.columns import ANGLE, RADIUS, SURFACE, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import ShapeKind
@@ -421,6 +422,51 @@ def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
 def are_faces(pieces: Pieces, i: int, j: int) -> bool:
     """Whether one of a pair is a grain that is no disc."""
     return pieces.is_face[i] or (j < pieces.is_face.size and pieces.is_face[j])
+
+
+@kernel
+def circle_gap(scene: Scene, i: int, j: int) -> float:
+    """Gap of the circle around a grain and the one around another, or a wall shape with its ends.
+
+    No point of the pair has a smaller gap.
+    """
+    count = scene.radius.size
+    if j < count:
+        return pair_geometry(scene, i, j)[0]
+    x, y = scene.position[i, X], scene.position[i, Y]
+    away = distance_to_shape(x, y, j - count, scene.kind, scene.world, scene.period)[0]
+    return float(away - scene.radius[i])
+
+
+@kernel
+def fastest_points(scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int) -> float:
+    """No points of a grain and of j approach faster [m/s]; ``velocity`` of all bodies."""
+    count = scene.radius.size
+    turning = velocity[i, SURFACE] / pieces.spin[i]
+    vx, vy = velocity[i, X], velocity[i, Y]
+    if j < count:
+        vx, vy = vx - velocity[j, X], vy - velocity[j, Y]
+        theirs = velocity[j, SURFACE] / pieces.spin[j] * scene.radius[j]
+        return float(sqrt(vx * vx + vy * vy) + abs(turning) * scene.radius[i] + abs(theirs))
+    # As the wall sees it, whose points turn around the center of the grain
+    wall = scene.wall[j - count]
+    body, x = count + wall, scene.position[i, X] - scene.wall_position[wall, X]
+    of_wall = velocity[body, SURFACE]
+    vx -= velocity[body, X] - of_wall * (scene.position[i, Y] - scene.wall_position[wall, Y])
+    vy -= velocity[body, Y] + of_wall * nearest_image(x, scene.period)
+    return float(sqrt(vx * vx + vy * vy) + abs(turning - of_wall) * scene.radius[i])
+
+
+@kernel
+def points_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -> int:
+    """Number of points of a pair with a gap up to ``margin`` [m]."""
+    count = 0
+    first, last = pieces_met(pieces, scene, j)
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for b in range(first, last):
+            for point in touch_pieces(pieces, scene, i, a, j, b):
+                count += point.gap <= margin
+    return count
 
 
 @kernel

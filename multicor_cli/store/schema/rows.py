@@ -194,7 +194,8 @@ _DIM_SYMBOL: dict[str, str] = {
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
     "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
     "flux_book": "F°",
-    "expansion_grain": "n†", "expansion_book": "G†", "point_row": "C‡", "grain_edge": "n+1",
+    "expansion_grain": "n†", "expansion_book": "G†", "point_row": "C‡",
+    "near_point_row": "C‡", "grain_edge": "n+1",
     "piece": "p", "piece_edge": "p+1", "corner": "v",
 }  # fmt: skip
 
