@@ -33,7 +33,7 @@ from multicor_cli.engine.contact.contacts import (
     vary_friction,
     warm_rows,
 )
-from multicor_cli.engine.contact.faces import account_faces, active_points, begin_faces
+from multicor_cli.engine.contact.faces import account_faces, begin_faces
 from multicor_cli.engine.contact.flight import (
     SOLVED,
     Flight,
@@ -907,7 +907,6 @@ class Engine:
         return assemble(
             scene, contacts, layout.selection.lanes, motion.belt, motion.inverse,
             layout.model.shape_factor, self._has_couples,
-            active_points(layout.selection.faces, contacts),
         )  # fmt: skip
 
     def _tabulate(self) -> None:

@@ -24,6 +24,19 @@ from multicor_cli.engine.contact.contacts import (
     contact_after,
     friction_between,
 )
+from multicor_cli.engine.contact.face_sweep import (
+    A_N,
+    A_T,
+    B_N,
+    B_T,
+    I_NN,
+    I_NT,
+    I_TT,
+    MINUS,
+    PLUS,
+    ROWS,
+    Q,
+)
 from multicor_cli.engine.contact.law import bias
 from multicor_cli.engine.contact.vector_step import (
     FRICTION,
@@ -35,6 +48,7 @@ from multicor_cli.engine.contact.vector_step import (
     SLIDING,
     VIRIAL,
 )
+from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
 from multicor_cli.engine.geometry.outlines import (
     Pieces,
     Point,
@@ -44,7 +58,9 @@ from multicor_cli.engine.geometry.outlines import (
 )
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.arrays import aligned
+from multicor_cli.engine.jit.compile import kernel, subroutine
+from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     BIAS,
     FIRST,
@@ -82,6 +98,12 @@ class FacePairs(NamedTuple):
         return int(self.room.max(initial=0))
 
 
+STEEP = 0.95
+"""μ |W_nt|/W_nn from which on a point is relaxed by itself (`engine/contact/face_sweep.py`)."""
+
+OPEN = 1e300
+"""Bias of rows without a point: none ever closes [m/s]."""
+
 NO_FACES = FacePairs(np.empty(0, np.int32), np.empty(0, np.int32))
 
 
@@ -94,7 +116,7 @@ def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints,
     return np.repeat(i, room), np.repeat(j, room), faces
 
 
-@kernel
+@subroutine
 def _key(pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, corner: np.int64) -> int:
     """What tells a point from the others of its pair."""
     of_i = pieces.start[pieces.piece[i]]
@@ -111,7 +133,7 @@ def _key(pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, corner: n
 # ---- The points of a step
 
 
-@kernel
+@subroutine
 def _enter_point(
     c: int, point: Point, key: int, scene: Scene, pieces: Pieces, laws: ContactLaws,
     start: Floats, dt: float, contacts: Contacts,
@@ -190,7 +212,7 @@ def begin_faces(
     return Speeds(squares, closing, slip, loaded, motion, met), has_room
 
 
-@kernel
+@subroutine
 def _hand_on(
     base: int, found: int, known_key: NDArray[np.int64], known: Floats, contacts: Contacts
 ) -> None:
@@ -237,15 +259,29 @@ def recall_points(
 # ---- To the arrays of the sweep and back
 
 
-@kernel
-def active_points(faces: FacePairs, contacts: Contacts) -> Ints:
-    """Records of the points that there are."""
-    found, which = 0, np.empty(contacts.size, np.int32)
-    for f in range(faces.first.size):
-        for c in range(faces.first[f], faces.first[f] + faces.room[f]):
-            which[found] = c
-            found += contacts[c].gap < inf
-    return which[:found].copy()
+@subroutine
+def pack_row(
+    g: int, c: int, scene: Scene, contacts: Contacts, belt: Floats, place: Ints, inverse: Floats,
+    pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
+) -> None:  # fmt: skip
+    """The record c of a point into the row g; arrays as in `pack_general`, **modified**."""
+    n, contact = scene.radius.size, contacts[c]
+    i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
+    pair[g, FIRST] = place[i]
+    pair[g, SECOND] = place[j] if j < n else n + scene.wall[j - n]
+    frame[g, NX], frame[g, NY] = nx, ny
+    frame[g, BIAS], frame[g, MU] = contact.bias, contact.mu
+    frame[g, SLIDE] = 0.0 if j < n else belt[scene.wall[j - n]]
+    impulse[g, NORMAL], impulse[g, TANGENTIAL] = contact.p_n, contact.p_t
+    lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = contact.turn_in, contact.turn_it
+    lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = contact.turn_jn, contact.turn_jt
+    frame[g, W_NN] = frame[g, W_NT] = frame[g, W_TT] = 0.0
+    for side in range(2):
+        body, l_n, l_t = pair[g, side], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
+        m_x, m_y, m_s = inverse[body, X], inverse[body, Y], inverse[body, SPIN]
+        frame[g, W_NN] += m_x * (nx * nx) + m_y * (ny * ny) + m_s * (l_n * l_n)
+        frame[g, W_NT] += (m_y - m_x) * nx * ny + m_s * l_n * l_t
+        frame[g, W_TT] += m_x * (ny * ny) + m_y * (nx * nx) + m_s * (l_t * l_t)
 
 
 @kernel
@@ -253,32 +289,88 @@ def pack_points(
     scene: Scene, contacts: Contacts, belt: Floats, place: Ints, points: Ints, inverse: Floats
 ) -> tuple[Ints, Floats, Floats, Floats]:
     """As `pack_general`, of the records ``points``."""
-    n = scene.radius.size
     pair, impulse = np.empty((points.size, 2), np.int32), np.empty((points.size, 2))
-    frame, lever = np.zeros((points.size, 8)), np.empty((points.size, 2, 2))
+    frame, lever = np.empty((points.size, 8)), np.empty((points.size, 2, 2))
     for g in range(points.size):
-        contact = contacts[points[g]]
-        i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
-        pair[g, FIRST] = place[i]
-        pair[g, SECOND] = place[j] if j < n else n + scene.wall[j - n]
-        frame[g, NX], frame[g, NY] = nx, ny
-        frame[g, BIAS], frame[g, MU] = contact.bias, contact.mu
-        frame[g, SLIDE] = 0.0 if j < n else belt[scene.wall[j - n]]
-        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contact.p_n, contact.p_t
-        lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = contact.turn_in, contact.turn_it
-        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = contact.turn_jn, contact.turn_jt
-        for side in range(2):
-            m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
-            frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
-            frame[g, W_NT] += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
-            frame[g, W_TT] += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
+        pack_row(g, points[g], scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
     return pair, frame, lever, impulse
 
 
 @kernel
+def pack_batches(
+    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, slot: Ints, rest: Ints,
+    tile_start: NDArray[np.int64], inverse: Floats, block_pair: Ints, block: Floats,
+) -> tuple[Ints, Ints, Floats, Floats, Floats, Ints]:  # fmt: skip
+    """Records in the lanes ``slot``, shape ``(q, 4)``, into rows; and those that go one by one.
+
+    These are the points among ``rest``, and steep ones. Returns their records, and of the rows of
+    the batches bodies, frames, levers and impulses as `pack_general`, and records, -1 where there
+    is no point. **Modifies** ``block_pair`` and ``block``.
+    """
+    rows = slot.size
+    pair, impulse = np.empty((rows, 2), np.int32), np.empty((rows, 2))
+    frame, lever = np.empty((rows, 8)), np.empty((rows, 2, 2))
+    record, alone = np.full(rows, -1, np.int32), np.empty(rows + rest.size, np.int32)
+    found = 0
+    for c in rest:
+        alone[found] = c
+        found += contacts[c].gap < inf
+    for t in range(tile_start.size - 1):
+        first, second = 0, 0  # bodies of the tile, for lanes without a contact
+        for g in range(LANES * tile_start[t], LANES * tile_start[t + 1]):
+            q, lane = g // LANES, g % LANES
+            c = slot[q, lane]
+            if c >= 0:
+                pack_row(g, c, scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
+                first, second = pair[g, FIRST], pair[g, SECOND]
+                is_there = contacts[c].gap < inf
+                if is_there and frame[g, MU] * abs(frame[g, W_NT]) >= STEEP * frame[g, W_NN]:
+                    alone[found] = c
+                    found += 1
+                    is_there = False
+                record[g] = c if is_there else -1
+            if record[g] < 0:
+                pair[g, FIRST], pair[g, SECOND] = first, second
+                frame[g], lever[g], impulse[g] = 0.0, 0.0, 0.0
+                frame[g, BIAS], frame[g, W_NN], frame[g, W_TT] = OPEN, 1.0, 1.0
+            _fill_block(g, pair, frame, lever, record[g] >= 0, block_pair, block)
+    return alone[:found].copy(), pair, frame, lever, impulse, record
+
+
+@subroutine
+def _fill_block(
+    g: int, pair: Ints, frame: Floats, lever: Floats, is_there: bool, block_pair: Ints,
+    block: Floats,
+) -> None:  # fmt: skip
+    q, lane = g // LANES, g % LANES
+    for side in range(2):
+        block_pair[q, side, lane] = 4 * pair[g, side]
+    for row in range(8):
+        block[q, row, lane] = frame[g, row]
+    block[q, A_N, lane], block[q, A_T, lane] = (
+        lever[g, FIRST, NORMAL],
+        lever[g, FIRST, TANGENTIAL],
+    )
+    block[q, B_N, lane], block[q, B_T, lane] = (
+        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL],
+    )  # fmt: skip
+    w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
+    over = 1.0 / (w_nn * w_tt - w_nt * w_nt) if is_there else 0.0
+    steep = w_nt / w_nn
+    block[q, I_NN, lane], block[q, I_NT, lane], block[q, I_TT, lane] = (
+        w_tt * over, -w_nt * over, w_nn * over,
+    )  # fmt: skip
+    block[q, Q, lane] = steep
+    block[q, PLUS, lane] = 1.0 / (1.0 + frame[g, MU] * steep)
+    block[q, MINUS, lane] = 1.0 / (1.0 - frame[g, MU] * steep)
+
+
+@kernel
 def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
-    """Impulses of the records ``points`` into the table, **modified**."""
+    """Impulses of the records ``points`` into the table, **modified**; -1: of none."""
     for g in range(points.size):
+        if points[g] < 0:
+            continue
         contacts[points[g]].p_n = impulse[g, NORMAL]
         contacts[points[g]].p_t = impulse[g, TANGENTIAL]
 
@@ -324,3 +416,9 @@ def account_faces(
             wall_impulse[wall, Y] -= py
             wall_impulse[wall, SPIN] -= lx * py - ly * px
             belt_impulse[wall] -= p_t
+
+
+def blocks_for(batches: int) -> tuple[Ints, Floats]:
+    """Room for the pairs and blocks of so many batches, at cache lines."""
+    pair = aligned((batches, PAIR_ROWS, LANES), np.int32)
+    return pair, aligned((batches, ROWS, LANES))

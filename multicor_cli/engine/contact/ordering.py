@@ -29,6 +29,7 @@ MANY = 16  # contacts of a grain from which on they are crowded: relaxed seriall
 TILED, CROWDED, GENERAL, FACE = 0, 1, 2, 3
 """Classes of contacts; those of grains that are no discs (`engine/contact/faces.py`) are faces."""
 
+_NONE = np.empty(0, np.int32)
 _NOWHERE = np.iinfo(np.int32).min
 COLORS = 4
 STREAMS = 4  # parts of a tile whose contacts take turns
@@ -361,6 +362,9 @@ class Schedule(NamedTuple):
         before: u_n⁻, u_t⁻ [m/s], shape ``(q, 2, 4)``.
         gap: Gaps at q_m [m], shape ``(q, 4)``.
         branch: Branch vectors at q_m in a cell [m], shape ``(q, 2, 4)``; else no batches.
+        face_slot: Faces in batches of their own (`face_sweep`), shape ``(f, 4)``.
+        face_start: First of these batches of each tile, shape ``(tiles + 1,)``.
+        face_rest: Faces with walls that have a free degree of freedom.
     """
 
     slot: Ints
@@ -381,6 +385,9 @@ class Schedule(NamedTuple):
     before: Floats
     gap: Floats
     branch: Floats
+    face_slot: Ints
+    face_start: NDArray[np.int64]
+    face_rest: Ints
 
 
 def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
@@ -420,9 +427,28 @@ def schedule_contacts(
         classes[is_face] = FACE
     classify_contacts(scene, i, j, wall_is_free, classes)
     of_contact = assign_tiles(i, classes, tile, color_start, columns)
-    order, general, start = order_contacts(of_contact, int(color_start[-1]) + 1)
-    place, bodies, count = number_bodies(i, j, order, general, scene.radius.size, wall_is_free.size)
-    slot, tile_start = make_batches(bodies, start, count)
+    tiles, grains = int(color_start[-1]) + 1, scene.radius.size
+    order, general, start = order_contacts(of_contact, tiles)
+    of_faces, rest = _NONE, _NONE
+    if is_face is not None:
+        general = general[~is_face[general]]
+        stands, with_walls = np.ones(i.size, np.bool_), j >= grains
+        stands[with_walls] = ~wall_is_free[scene.wall[j[with_walls] - grains]]
+        classes[is_face & stands] = TILED
+        classes[~is_face] = GENERAL
+        of_face = assign_tiles(i, classes, tile, color_start, columns)
+        of_faces, _, face_start = order_contacts(of_face, tiles)
+        rest = np.flatnonzero(is_face & ~stands).astype(np.int32)
+    place, bodies, count = number_bodies(
+        i, j, np.concatenate([order, of_faces]), general, grains, wall_is_free.size
+    )
+    slot, tile_start = make_batches(bodies[: order.size], start, count)
+    face_slot, faces_start = np.empty((0, LANES), np.int32), np.zeros(1, np.int64)
+    if of_faces.size:
+        face_slot, faces_start = make_batches(
+            np.ascontiguousarray(bodies[order.size :]), face_start, count
+        )
+        face_slot = np.where(face_slot >= 0, of_faces[face_slot], -1).astype(np.int32)
     pair = aligned((slot.shape[0], 2, LANES), np.int32)
     fill_lanes(order, bodies, count, tile_start, slot, pair)
     batches, rows = slot.shape[0], count + 2 * (tile_start.size - 1)
@@ -440,12 +466,13 @@ def schedule_contacts(
     filled = np.flatnonzero(slot.reshape(-1) >= 0).astype(np.int32)
     lane[slot.reshape(-1)[filled]] = filled
     if is_face is not None:
-        lane[is_face], general = _NOWHERE, general[~is_face[general]]
+        lane[is_face] = _NOWHERE
     lane[general] = -1 - np.arange(general.size, dtype=np.int32)
     walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
     return Schedule(
         slot, pair, tile_start, color_start, general, walls, np.concatenate([walls, general]), lane,
         place, velocity, start_velocity, middle, frame, impulse, about, before, gap, branch,
+        face_slot, faces_start, rest,
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.engine.contact.face_sweep import first_of_batches, measure_faces
 from multicor_cli.engine.contact.law import solve_exact
 from multicor_cli.engine.contact.sweep import (
     CellTerms,
@@ -180,8 +181,8 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         make with the others held (natural map in velocity units), over contacts with p_n > 0 or e_c
         > 0 [m/s], couples counting as further contacts; the energy residual Σ(|Σ p_n e_n| + |Σ p_t
         e_t|), with the inner sums over `CHUNK` lanes of diagonal contacts in the order of the
-        sweep, or over all general contacts, and |Σ p_r e_r| of all couples [J]; and the number of
-        these contacts and couples.
+        sweep, over all faces, or over all other general contacts, and |Σ p_r e_r| of all couples
+        [J]; and the number of these contacts and couples.
     """
     velocity, pair, frame, impulse = (
         s.velocity.reshape(-1),
@@ -205,7 +206,12 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         largest = max(largest, partial[chunk, _LARGEST])
         active += partial[chunk, _ACTIVE]
     normal, tangential = 0.0, 0.0
-    for g in range(s.general_pair.shape[0]):
+    of_faces = measure_faces(s.faces, velocity, s.general_impulse)
+    squares += of_faces[_SQUARES]
+    energy += abs(of_faces[_NORMAL]) + abs(of_faces[_TANGENTIAL])
+    largest = max(largest, of_faces[_LARGEST])
+    active += of_faces[_ACTIVE]
+    for g in range(first_of_batches(s.faces, s.general_pair.shape[0])):
         square, of_normal, of_tangential, is_active = measure_general(g, s)
         if is_active:
             squares += square

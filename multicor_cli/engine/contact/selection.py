@@ -34,7 +34,7 @@ from multicor_cli.engine.geometry.outlines import (
 )
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
@@ -81,7 +81,7 @@ def fastest_approach(
     return best
 
 
-@kernel
+@subroutine
 def closing_velocity(
     scene: Scene, pieces: Pieces | None, velocity: Floats, i: int, j: int, nx: float, ny: float,
     gap: float,
@@ -149,7 +149,7 @@ def leave_out(row: NDArray[np.int64], partner: Ints, i: Ints, j: Ints) -> tuple[
     return first[:found].copy(), second[:found].copy()
 
 
-@kernel
+@subroutine
 def beside_gap(
     scene: Scene, pieces: Pieces | None, i: int, j: int, cutoff: float
 ) -> tuple[float, float, float]:

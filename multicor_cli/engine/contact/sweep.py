@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.face_sweep import FaceBatches, first_of_batches, relax_faces
 from multicor_cli.engine.contact.law import (
     predict_and_correct,
     solve_bipotential,
@@ -353,6 +354,7 @@ class System(NamedTuple):
         contacts: Number of contacts of both kinds.
         couples: Couples of rolling resistance.
         cell: What a cell that is periodic in both directions adds.
+        faces: The last of the general contacts, in batches: points of grains that are no discs.
     """
 
     velocity: Floats
@@ -371,6 +373,7 @@ class System(NamedTuple):
     contacts: int
     couples: Couples = NO_COUPLES
     cell: CellTerms = NO_CELL
+    faces: FaceBatches | None = None
 
 
 class Before(NamedTuple):
@@ -679,11 +682,18 @@ def sweep(
     total = 0.0
     for t in range(partial.size):
         total += partial[t]
+    alone = s.general_pair.shape[0]
+    if local == EXACT:
+        alone = first_of_batches(s.faces, alone)
     total += relax_general(
-        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse,
-        before.general_impulse,
-        local == EXACT, way.extrapolation,
+        s.velocity, s.inverse, s.general_pair[:alone], s.general_frame, s.general_lever,
+        s.general_impulse, before.general_impulse, local == EXACT, way.extrapolation,
     )  # fmt: skip
+    if local == EXACT:
+        total += relax_faces(
+            s.faces, s.color_start, velocity, s.general_impulse, before.general_impulse, beta,
+            way.extrapolation, parallel, partial,
+        )  # fmt: skip
     return total + relax_couples(
         s.velocity,
         s.inverse,

@@ -16,7 +16,13 @@ from multicor_cli.engine.contact.contacts import (
     couples_of,
     pack_couples,
 )
-from multicor_cli.engine.contact.faces import pack_points, unpack_points
+from multicor_cli.engine.contact.face_sweep import FaceBatches
+from multicor_cli.engine.contact.faces import (
+    blocks_for,
+    pack_batches,
+    pack_points,
+    unpack_points,
+)
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import (
     NO_CELL,
@@ -352,7 +358,8 @@ class OrderedSystem:
         system: What the sweep works on; ``slot`` names contacts by their rank by key.
         schedule: Order and places of its contacts.
         belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
-        points: Contacts of grains that are no discs, the last of the general ones in ``system``.
+        points: Contacts of grains that are no discs, the last of the general ones in ``system``; -1
+            where a lane has none.
     """
 
     system: System
@@ -374,6 +381,32 @@ class OrderedSystem:
         return unpack_bodies(system.velocity, schedule.place, self.belt, self.belt.size)
 
 
+_General = tuple[Ints, Floats, Floats, Floats]
+
+
+def _add_faces(
+    scene: Scene, contacts: Contacts, schedule: Schedule, belt: Floats, inverse: Floats,
+    others: _General,
+) -> tuple[Ints, FaceBatches, _General]:  # fmt: skip
+    """Contacts of grains that are no discs, and them behind the ``others`` of `pack_general`."""
+    slot, place = schedule.face_slot, schedule.place
+    block_pair, block = blocks_for(slot.shape[0])
+    alone, pair, frame, lever, impulse, record = pack_batches(
+        scene, contacts, belt, place, slot, schedule.face_rest, schedule.face_start, inverse,
+        block_pair, block,
+    )  # fmt: skip
+    of_points = pack_points(scene, contacts, belt, place, alone, inverse)
+    first = schedule.general.size + alone.size
+    rows = (
+        np.concatenate([others[0], of_points[0], pair]),
+        np.concatenate([others[1], of_points[1], frame]),
+        np.concatenate([others[2], of_points[2], lever]),
+        np.concatenate([others[3], of_points[3], impulse]),
+    )
+    faces = FaceBatches(block_pair, block, schedule.face_start, first)
+    return np.concatenate([alone, record]), faces, rows
+
+
 def assemble(
     scene: Scene,
     contacts: Contacts,
@@ -382,13 +415,11 @@ def assemble(
     wall_inverse: Floats,
     spin_factor: float,
     has_couples: bool,
-    points: Ints = _NO_POINTS,
 ) -> OrderedSystem:
     """The problem of a step, whose contacts have begun (`begin_grains`, `begin_walls`).
 
     ``wall_inverse`` are inverse masses per degree of freedom, shape ``(w, 3)``, ``belt`` is that of
-    `OrderedSystem`, ``points`` are its. Without couples the rolling resistance of the contacts is
-    not looked at.
+    `OrderedSystem`. Without couples the rolling resistance of the contacts is not looked at.
     """
     velocity, place = schedule.velocity, schedule.place
     inverse = inverse_masses(velocity, place.size, wall_inverse, spin_factor)
@@ -398,12 +429,9 @@ def assemble(
     )  # fmt: skip
     general, slot = schedule.general, schedule.slot
     others = pack_general(scene, contacts, belt, place, general, inverse)
-    if points.size:
-        of_points = pack_points(scene, contacts, belt, place, points, inverse)
-        others = (
-            np.concatenate([others[0], of_points[0]]), np.concatenate([others[1], of_points[1]]),
-            np.concatenate([others[2], of_points[2]]), np.concatenate([others[3], of_points[3]]),
-        )  # fmt: skip
+    points, faces = _NO_POINTS, None
+    if schedule.face_slot.size or schedule.face_rest.size:
+        points, faces, others = _add_faces(scene, contacts, schedule, belt, inverse, others)
     system = System(
         velocity, inverse, slot, schedule.pair, schedule.frame, schedule.impulse,
         schedule.tile_start, schedule.color_start,
@@ -414,6 +442,7 @@ def assemble(
         CellTerms(schedule.branch, place.size, np.zeros((schedule.tile_start.size - 1, 3 * LANES)))
         if scene.height > 0.0
         else NO_CELL,
+        faces,
     )  # fmt: skip
     add_impulses(system)
     return OrderedSystem(system, schedule, belt, points)

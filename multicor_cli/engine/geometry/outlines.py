@@ -26,7 +26,7 @@ from multicor_cli.engine.geometry.scene import (
     pair_geometry,
     shortest,
 )
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.model.columns import ANGLE, RADIUS, SURFACE, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.outlines import Outlines
@@ -173,7 +173,7 @@ class Point(NamedTuple):
 NOWHERE = Point(0.0, 1.0, inf, 0.0, 0.0, 0.0, 0.0, np.int64(-1))
 
 
-@kernel
+@subroutine
 def _widest(
     corner: Floats, first: int, last: int, other: int, end: int, ox: float, oy: float
 ) -> tuple[float, int, int]:
@@ -198,7 +198,7 @@ def _widest(
     return widest, edge, nearest
 
 
-@kernel
+@subroutine
 def _seen_from(
     p: int, edge: int, separation: float, q: int, v: int, ox: float, oy: float, pieces: Pieces
 ) -> tuple[Point, Point]:
@@ -267,14 +267,14 @@ def _seen_from(
     return first, second
 
 
-@kernel
+@subroutine
 def _swapped(point: Point) -> Point:
     return Point(
         -point.nx, -point.ny, point.gap, point.j_x, point.j_y, point.i_x, point.i_y, point.corner
     )
 
 
-@kernel
+@subroutine
 def touch(pieces: Pieces, a: int, b: int, dx: float, dy: float) -> tuple[Point, Point]:
     """Points of two pieces, the nearer first; (dx, dy) leads from the center of b's to a's."""
     start, corner = pieces.start, pieces.corner
@@ -289,7 +289,7 @@ def touch(pieces: Pieces, a: int, b: int, dx: float, dy: float) -> tuple[Point, 
 # ---- A piece of a grain and a wall shape
 
 
-@kernel
+@subroutine
 def _touch_plane(
     pieces: Pieces, a: int, dx: float, dy: float, nx: float, ny: float
 ) -> tuple[Point, Point]:
@@ -309,7 +309,7 @@ def _touch_plane(
     return found, _over_plane(corner, next_one, r, dx, dy, nx, ny)
 
 
-@kernel
+@subroutine
 def _over_plane(
     corner: Floats, v: int, r: float, dx: float, dy: float, nx: float, ny: float
 ) -> Point:
@@ -318,7 +318,7 @@ def _over_plane(
     return Point(nx, ny, gap, x, y, dx + x - gap * nx, dy + y - gap * ny, np.int64(v))
 
 
-@kernel
+@subroutine
 def _touch_circle(
     pieces: Pieces, a: int, dx: float, dy: float, radius: float
 ) -> tuple[Point, Point]:
@@ -340,7 +340,7 @@ def _touch_circle(
     return first, second
 
 
-@kernel
+@subroutine
 def _is_outside(scene: Scene, shape: int, nx: float, ny: float) -> bool:
     """Whether something with this normal can lie on a corner of a wall, beside both its sides."""
     world = scene.world
@@ -356,7 +356,7 @@ def _is_outside(scene: Scene, shape: int, nx: float, ny: float) -> bool:
     return True
 
 
-@kernel
+@subroutine
 def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tuple[Point, Point]:
     """Points of a piece of a grain and a wall shape; levers of j lead from its reference point.
 
@@ -388,7 +388,7 @@ def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tupl
     return _moved(first, at_x, at_y), _moved(second, at_x, at_y)
 
 
-@kernel
+@subroutine
 def _moved(point: Point, x: float, y: float) -> Point:
     return Point(
         point.nx, point.ny, point.gap, point.i_x, point.i_y, point.j_x + x, point.j_y + y,
@@ -396,7 +396,7 @@ def _moved(point: Point, x: float, y: float) -> Point:
     )  # fmt: skip
 
 
-@kernel
+@subroutine
 def touch_pieces(
     pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int
 ) -> tuple[Point, Point]:
@@ -410,7 +410,7 @@ def touch_pieces(
     return touch(pieces, a, b, dx, dy)
 
 
-@kernel
+@subroutine
 def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
     """First and last pieces b of j for `touch_pieces`: one, whatever it is, of a wall shape."""
     if j >= scene.radius.size:
@@ -418,13 +418,13 @@ def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
     return pieces.piece[j], pieces.piece[j + 1]
 
 
-@kernel
+@subroutine
 def are_faces(pieces: Pieces, i: int, j: int) -> bool:
     """Whether one of a pair is a grain that is no disc."""
     return pieces.is_face[i] or (j < pieces.is_face.size and pieces.is_face[j])
 
 
-@kernel
+@subroutine
 def circle_gap(scene: Scene, i: int, j: int) -> float:
     """Gap of the circle around a grain and the one around another, or a wall shape with its ends.
 
@@ -438,7 +438,7 @@ def circle_gap(scene: Scene, i: int, j: int) -> float:
     return float(away - scene.radius[i])
 
 
-@kernel
+@subroutine
 def fastest_points(scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int) -> float:
     """No points of a grain and of j approach faster [m/s]; ``velocity`` of all bodies."""
     count = scene.radius.size
@@ -457,7 +457,7 @@ def fastest_points(scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: in
     return float(sqrt(vx * vx + vy * vy) + abs(turning - of_wall) * scene.radius[i])
 
 
-@kernel
+@subroutine
 def points_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -> int:
     """Number of points of a pair with a gap up to ``margin`` [m]."""
     count = 0
@@ -469,7 +469,7 @@ def points_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -
     return count
 
 
-@kernel
+@subroutine
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
     if pieces is None:

@@ -126,6 +126,14 @@ def _twin(function: Callable[..., Any], version: str) -> Callable[..., Any]:
     return twin
 
 
+def subroutine(function: F) -> F:
+    """Compile a function that kernels call, too long to be inlined; it must not allocate.
+
+    Then references to the arrays of its arguments need not be counted (as `_inlined` says).
+    """
+    return numba.njit(cache=True, error_model="numpy", **_NO_C, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
+
+
 def loop_body(function: F) -> F:
     """Compile an inner loop into its kernels; as a `formula` it makes the solve a fifth longer."""
     return numba.njit(

@@ -177,6 +177,22 @@ class Writer:
         columns = (t0, t1, _EVEN), (t0, t1, _ODD), (t2, t3, _EVEN), (t2, t3, _ODD)
         return [Vector(self.builder, self._shuffle(*column)) for column in columns]
 
+    def apart(self, low: Vector, high: Vector) -> tuple[Vector, Vector]:
+        """Numbers in even and in odd places of eight."""
+        even, odd = (
+            Vector(self.builder, self._shuffle(low.value, high.value, lanes))
+            for lanes in ((0, 2, 4, 6), (1, 3, 5, 7))
+        )
+        return even, odd
+
+    def together(self, even: Vector, odd: Vector) -> tuple[Vector, Vector]:
+        """The inverse of `apart`."""
+        low, high = (
+            Vector(self.builder, self._shuffle(even.value, odd.value, lanes))
+            for lanes in ((0, 4, 1, 5), (2, 6, 3, 7))
+        )
+        return low, high
+
     def keep(self, vectors: Iterable[Vector]) -> Kept:
         return Kept(self.builder, vectors)
 

@@ -27,7 +27,7 @@ from multicor_cli.engine.geometry.outlines import Pieces, place_walls, true_gap
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, place_shapes
 from multicor_cli.engine.jit.arrays import copy_into
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.cell import carry, strain_between
 from multicor_cli.engine.motion.walls import WallMotion
@@ -38,7 +38,7 @@ from multicor_cli.model.model import Floats, Ints, Model
 # ---- Overlaps, and the grains around them
 
 
-@kernel
+@subroutine
 def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> float:
     """Overlap of a pair over its smaller radius; negative where they are apart."""
     return -true_gap(scene, pieces, i, j)[0] / smaller_of(scene, i, j)
