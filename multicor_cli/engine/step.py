@@ -188,6 +188,7 @@ class Prediction(NamedTuple):
         growth: Rates at which the radii of the grains grow [m/s], shape ``(n,)``; else of size 0.
         spin: Their spins with these radii [rad/s], likewise; ``spun`` is the kinetic energy that
             they gain [J].
+        pieces: Pieces of grains that are no discs, as they lie at q_m; or None.
     """
 
     dt: float
@@ -200,6 +201,7 @@ class Prediction(NamedTuple):
     growth: Floats = _NONE
     spin: Floats = _NONE
     spun: float = 0.0
+    pieces: Pieces | None = None
 
 
 class Engine:
@@ -419,7 +421,7 @@ class Engine:
         layout.pairs.update(step.scene, step.cutoff)
         layout.selection = Selection(layout.model, layout.pairs, layout.pieces)
         try:
-            layout.selection.seek(step.scene, self._margin(step))
+            layout.selection.seek(step.scene, step.pieces, self._margin(step))
             far = self._far(step, step.cutoff, layout.before)
             yield step.scene, self._gather(step, far)[0]
         finally:
@@ -490,7 +492,7 @@ class Engine:
         while is_missing:
             contacts, scale, is_solved, has_room = self._gather(step, far)
             if not has_room:
-                selection.seek(step.scene, max(self._margin(step), FARTHER * far))
+                selection.seek(step.scene, step.pieces, max(self._margin(step), FARTHER * far))
                 continue
             ordered = self._assemble(step.scene, contacts)
             self._clock("prepare")
@@ -505,12 +507,12 @@ class Engine:
             self._list_up_to(cutoff, step)
             needed = self._far(step, cutoff, after)
             is_missing, fastest = selection.closing(
-                step.scene, after, after, max(cutoff, needed), dt, -math.inf
+                step.scene, step.pieces, after, after, max(cutoff, needed), dt, -math.inf
             )
             if is_missing:
                 margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
                 margin = max(margin, FARTHER * needed)
-                selection.seek(step.scene, margin)
+                selection.seek(step.scene, step.pieces, margin)
                 self._select_impacts(step)
             if needed > far:  # points that were too far may meet with these velocities
                 far, is_missing = 2.0 * needed, True
@@ -562,12 +564,12 @@ class Engine:
             # Impulses of impacts do not last: no later step begins with them
             virial = selection.enter(step.flight.impacts, step.scene, after)
             gravity_work += step.flight.gravity_work
-        sums = self._account(step, end, pieces, contacts, after, virial)
+        sums, overlaps = self._account(step, end, pieces, contacts, after, virial)
         if struck.size:
             # The way to q_m is not theirs: heat looks at them half-way
             layout.middle[struck] = 0.5 * (began + state.position[struck])
         self._clock("account")
-        correction = self._correct(step, end, pieces, cutoff, float(sums.total[OVERLAP]))
+        correction = self._correct(step, end, pieces, overlaps, cutoff, float(sums.total[OVERLAP]))
         self._clock("correct")
         book_step(
             state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt,
@@ -639,8 +641,9 @@ class Engine:
         scene = scene_of(model, layout.middle, middle, temperature)
         cutoff = self._cutoff_before(scene, gravity, walls, dt)
         step = Prediction(
-            dt, gravity, scene, cutoff, 0.0, flight, convected, growth, velocity[:, SPIN], spun
-        )
+            dt, gravity, scene, cutoff, 0.0, flight, convected, growth, velocity[:, SPIN], spun,
+            None if layout.pieces is None else turned(layout.pieces, scene),
+        )  # fmt: skip
         if model.is_cell:  # in which nothing moves by itself
             return step
         step = self._fly(step, walls)
@@ -810,9 +813,9 @@ class Engine:
         layout.pairs.update(scene, step.cutoff)
         cutoff = max(step.cutoff, self._far(step, step.cutoff, layout.before))
         if layout.selection.closing(
-            scene, layout.before, layout.free, cutoff, AHEAD * step.dt, reach
+            scene, step.pieces, layout.before, layout.free, cutoff, AHEAD * step.dt, reach
         )[0]:
-            layout.selection.seek(scene, self._margin(step))
+            layout.selection.seek(scene, step.pieces, self._margin(step))
         self._select_impacts(step)
 
     def _select_impacts(self, step: Prediction) -> None:
@@ -861,9 +864,9 @@ class Engine:
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
         faces, has_room = None, True
         if selection.faces.first.size:
-            assert layout.pieces is not None
+            assert step.pieces is not None
             faces, has_room = begin_faces(
-                scene, turned(layout.pieces, scene), laws, start, dt, ratio, far,
+                scene, step.pieces, laws, start, dt, ratio, far,
                 selection.faces, selection.faces.most, contacts,
             )  # fmt: skip
         opening = None
@@ -923,10 +926,11 @@ class Engine:
     def _account(
         self, step: Prediction, end: Scene, pieces: Pieces | None, contacts: Contacts,
         after: Floats, virial: Floats,
-    ) -> ContactSums:  # fmt: skip
+    ) -> tuple[ContactSums, NDArray[np.bool_]]:  # fmt: skip
         """What the contacts lose and exert; bridges that are left go into the state.
 
-        ``virial`` is what that of contacts lacks in a cell, by impacts.
+        ``virial`` is what that of contacts lacks in a cell, by impacts. Also returns which pairs
+        with corners overlap.
         """
         laws, selection = self._laws, self._layout.selection
         lanes = selection.lanes
@@ -941,16 +945,17 @@ class Engine:
                 *self._gradient(after),
             )  # fmt: skip
         sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
+        overlaps = np.zeros(selection.faces.first.size, np.bool_)
         if pieces is not None:
             account_faces(
-                step.scene, end, pieces, contacts, after, selection.faces, sums.total,
-                sums.wall_impulse, sums.belt_impulse,
+                step.scene, end, pieces, contacts, after, selection.faces, step.dt, sums.total,
+                sums.wall_impulse, sums.belt_impulse, overlaps,
             )  # fmt: skip
         if self.model.is_cell:
             sums.total[VIRIAL : VIRIAL + 4] += virial
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]
             sums.wall_impulse[0] = of_contacts + step.convected
-        return sums
+        return sums, overlaps
 
     def _scale(
         self,
@@ -997,8 +1002,9 @@ class Engine:
             state.wall_position = sides_at_end(middle[0], after[0], 0.5 * dt)[np.newaxis]
 
     def _correct(
-        self, step: Prediction, end: Scene, pieces: Pieces | None, cutoff: float, overlap: float
-    ) -> Correction:
+        self, step: Prediction, end: Scene, pieces: Pieces | None, overlaps: NDArray[np.bool_],
+        cutoff: float, overlap: float,
+    ) -> Correction:  # fmt: skip
         layout, state, model = self._layout, self._layout.state, self._layout.model
         selection = layout.selection
         beside = selection.overlap_beside(end, pieces)
@@ -1007,7 +1013,7 @@ class Engine:
             # What is near must not depend on the age of the list
             near = reach_of(correction.overlap, model)
             self._list_up_to(cutoff + near, step)
-            i, j = selection.pair_i, selection.pair_j
+            i, j = selection.pairs_with(overlaps)
             if beside > ALLOWED:
                 i, j = selection.with_walls()
             correction = correct_positions(

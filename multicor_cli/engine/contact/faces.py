@@ -87,10 +87,12 @@ class FacePairs(NamedTuple):
     Attributes:
         first: First record of each pair, ascending, shape ``(f,)``.
         room: Number of its records, likewise.
+        pair: Which of all pairs it is, likewise.
     """
 
     first: Ints
     room: Ints
+    pair: Ints
 
     @property
     def most(self) -> int:
@@ -104,7 +106,11 @@ STEEP = 0.95
 OPEN = 1e300
 """Bias of rows without a point: none ever closes [m/s]."""
 
-NO_FACES = FacePairs(np.empty(0, np.int32), np.empty(0, np.int32))
+_NONE = np.empty(0, np.int32)
+LOOK = 1e-3
+"""Gap over the smaller size below which, as velocities tell, a pair may overlap after a step."""
+
+NO_FACES = FacePairs(_NONE, _NONE, _NONE)
 
 
 def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints, FacePairs]:
@@ -112,7 +118,10 @@ def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints,
     is_wall = j >= pieces.is_face.size
     is_face = pieces.is_face[i] | (~is_wall & pieces.is_face[np.where(is_wall, 0, j)])
     first = np.cumsum(room) - room
-    faces = FacePairs(first[is_face].astype(np.int32), room[is_face].astype(np.int32))
+    faces = FacePairs(
+        first[is_face].astype(np.int32), room[is_face].astype(np.int32),
+        np.flatnonzero(is_face).astype(np.int32),
+    )  # fmt: skip
     return np.repeat(i, room), np.repeat(j, room), faces
 
 
@@ -366,6 +375,25 @@ def _fill_block(
 
 
 @kernel
+def carried_points(
+    i: Ints, j: Ints, lane: Ints, impulse: Floats, contacts: Contacts
+) -> tuple[Ints, Ints, Floats, Ints]:
+    """As `carried`, with the keys of the points."""
+    found = 0
+    first, second = np.empty(i.size, np.int32), np.empty(i.size, np.int32)
+    known, key = np.empty((i.size, 2)), np.empty(i.size, np.int32)
+    for c in range(i.size):
+        p_n, p_t = contacts[c].p_n, contacts[c].p_t
+        if lane[c] >= 0:
+            q, column = lane[c] // LANES, lane[c] % LANES
+            p_n, p_t = impulse[q, NORMAL, column], impulse[q, TANGENTIAL, column]
+        first[found], second[found], key[found] = i[c], j[c], contacts[c].key
+        known[found, NORMAL], known[found, TANGENTIAL] = p_n, p_t
+        found += p_n > 0.0
+    return first[:found].copy(), second[:found].copy(), known[:found].copy(), key[:found].copy()
+
+
+@kernel
 def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
     """Impulses of the records ``points`` into the table, **modified**; -1: of none."""
     for g in range(points.size):
@@ -381,15 +409,28 @@ def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
 @kernel
 def account_faces(
     scene: Scene, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats,
-    faces: FacePairs, total: Floats, wall_impulse: Floats, belt_impulse: Floats,
+    faces: FacePairs, dt: float, total: Floats, wall_impulse: Floats, belt_impulse: Floats,
+    overlaps: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """As `account_contacts`, of faces; **modifies** what that returns."""
+    """As `account_contacts`, of faces; **modifies** what that returns.
+
+    And ``overlaps``, which pairs overlap at the end of the step, shape ``(f,)``: pairs of which no
+    point comes near need no look, for gaps change by little more than velocities say.
+    """
     for f in range(faces.first.size):
         base = faces.first[f]
         i, j = contacts[base].i, contacts[base].j
-        gap = true_gap(end, pieces_end, i, j)[0]
-        if gap < 0.0:
-            total[OVERLAP] = max(total[OVERLAP], -gap / smaller_of(end, i, j))
+        size, nearest = smaller_of(end, i, j), inf
+        for c in range(base, base + faces.room[f]):
+            if contacts[c].gap < inf:
+                moved = 0.5 * dt * contact_after(c, scene, contacts, after)[0]
+                nearest = min(nearest, contacts[c].gap + moved)
+        overlaps[f] = False
+        if nearest < LOOK * size:
+            gap = true_gap(end, pieces_end, i, j)[0]
+            overlaps[f] = gap < 0.0
+            if gap < 0.0:
+                total[OVERLAP] = max(total[OVERLAP], -gap / size)
         for c in range(base, base + faces.room[f]):
             contact = contacts[c]
             p_n, p_t = contact.p_n, contact.p_t

@@ -18,7 +18,12 @@ from multicor_cli.engine.contact.contacts import (
     recall_impulses,
     tabulate,
 )
-from multicor_cli.engine.contact.faces import NO_FACES, make_room, recall_points
+from multicor_cli.engine.contact.faces import (
+    NO_FACES,
+    carried_points,
+    make_room,
+    recall_points,
+)
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.system import carried
@@ -30,7 +35,6 @@ from multicor_cli.engine.geometry.outlines import (
     fastest_points,
     points_within,
     true_gap,
-    turned,
 )
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
@@ -256,17 +260,17 @@ class Selection:
         state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
         state.near_points = self.room
         schedule = self.lanes
-        if self._pieces is not None:
-            self.tabulate()
-            loaded = self.contacts[self.contacts["p_n"] > 0.0]
-            state.contact_i, state.contact_j = loaded["i"].copy(), loaded["j"].copy()
-            state.contact_impulse = np.column_stack([loaded["p_n"], loaded["p_t"]])
-            state.contact_point = loaded["key"].copy()
-            self._impulse = state.contact_impulse
-            return
-        state.contact_i, state.contact_j, state.contact_impulse = carried(
-            self._model.grain_count, self.i, self.j, schedule.lane, schedule.impulse, self.contacts
-        )
+        if self._pieces is None:
+            state.contact_i, state.contact_j, state.contact_impulse = carried(
+                self._model.grain_count, self.i, self.j, schedule.lane, schedule.impulse,
+                self.contacts,
+            )  # fmt: skip
+        else:
+            (
+                state.contact_i, state.contact_j, state.contact_impulse, state.contact_point,
+            ) = carried_points(
+                self.i, self.j, schedule.lane, schedule.impulse, self.contacts
+            )  # fmt: skip
         self._impulse = state.contact_impulse
 
     def tabulate(self) -> None:
@@ -289,16 +293,15 @@ class Selection:
         self._entered = rows, known
         return virial
 
-    def seek(self, scene: Scene, margin: float) -> None:
-        """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`."""
+    def seek(self, scene: Scene, pieces: Pieces | None, margin: float) -> None:
+        """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`; ``pieces`` as they lie."""
         pairs, diameter = self._pairs, self._model.mean_diameter
         margin = max(margin, SKIN * diameter)
         pairs.update(scene, margin)
-        if self._pieces is None:
+        if pieces is None:
             i, j = pairs_up_to(scene, pairs.row, pairs.partner, margin)
             room = _NO_ROOM
         else:
-            pieces = turned(self._pieces, scene)
             i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
         self._set(i, j, lay_tiles(scene, i, j, diameter), room)
 
@@ -391,6 +394,12 @@ class Selection:
         change[self.faces.first + self.faces.room] -= 1
         return np.asarray(np.cumsum(change[:-1]) > 0)
 
+    def pairs_with(self, overlaps: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+        """Those pairs of grains with corners that overlap, shape ``(f,)``, and all others."""
+        kept = np.ones(self.pair_i.size, np.bool_)
+        kept[self.faces.pair] = overlaps
+        return self.pair_i[kept], self.pair_j[kept]
+
     @property
     def lanes(self) -> Schedule:
         """The schedule of the present step."""
@@ -408,10 +417,10 @@ class Selection:
         return self._beside
 
     def closing(
-        self, scene: Scene, start: Floats, end: Floats, cutoff: float, dt: float, reach: float
-    ) -> tuple[bool, float]:
+        self, scene: Scene, pieces: Pieces | None, start: Floats, end: Floats, cutoff: float,
+        dt: float, reach: float,
+    ) -> tuple[bool, float]:  # fmt: skip
         """As `find_closing`, of all pairs; the list is complete up to ``cutoff`` and ``reach``."""
-        pieces = None if self._pieces is None else turned(self._pieces, scene)
         return find_closing(scene, pieces, *self.beside, start, end, cutoff, dt, reach)
 
     def overlap_beside(self, scene: Scene, pieces: Pieces | None) -> float:
