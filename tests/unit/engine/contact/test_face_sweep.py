@@ -1,0 +1,101 @@
+"""The sweep over points of grains with corners: the law it solves, and its vectors."""
+
+import numpy as np
+import pytest
+
+from multicor_cli.engine.contact import face_sweep
+from multicor_cli.engine.contact.face_sweep import ROWS, relax_faces_scalar
+from multicor_cli.engine.contact.law import solve_full
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
+from multicor_cli.model.columns import BIAS, MU, NX, NY, SLIDE, W_NN, W_NT, W_TT
+
+BETA = 2.0
+
+
+def _points(rng, batches):
+    """Batches of points with levers of any size, each between two bodies of its own."""
+    lanes = LANES * batches
+    pair = 4 * np.arange(2 * lanes, dtype=np.int32).reshape(lanes, 2)
+    velocity = rng.uniform(-1.0, 1.0, (2 * lanes, 4))
+    velocity[:, 3] = rng.uniform(0.2, 3.0, 2 * lanes)
+    angle, turns = rng.uniform(0.0, 2.0 * np.pi, lanes), rng.uniform(-1.0, 1.0, (lanes, 4))
+    m_i, m_j = velocity[pair[:, 0] // 4, 3], velocity[pair[:, 1] // 4, 3]
+    (a_n, a_t, b_n, b_t), mu = turns.T, rng.uniform(0.0, 1.2, lanes)
+    w_nn = m_i + m_j + BETA * (m_i * a_n**2 + m_j * b_n**2)
+    w_tt = m_i + m_j + BETA * (m_i * a_t**2 + m_j * b_t**2)
+    w_nt = BETA * (m_i * a_n * a_t + m_j * b_n * b_t)
+    mu = np.minimum(mu, 0.9 * w_nn / np.abs(w_nt))
+    over, q = 1.0 / (w_nn * w_tt - w_nt**2), w_nt / w_nn
+    rows = np.zeros((lanes, ROWS))
+    rows[:, NX], rows[:, NY] = np.cos(angle), np.sin(angle)
+    rows[:, W_NN], rows[:, W_NT], rows[:, W_TT], rows[:, MU] = w_nn, w_nt, w_tt, mu
+    rows[:, BIAS], rows[:, SLIDE] = rng.uniform(-0.3, 0.3, (2, lanes))
+    for row, values in {
+        "A_N": a_n, "A_T": a_t, "B_N": b_n, "B_T": b_t, "I_NN": w_tt * over, "I_NT": -w_nt * over,
+        "I_TT": w_nn * over, "Q": q, "PLUS": 1.0 / (1.0 + mu * q), "MINUS": 1.0 / (1.0 - mu * q),
+    }.items():  # fmt: skip
+        rows[:, getattr(face_sweep, row)] = values
+    impulse = rng.uniform(0.0, 0.5, (lanes, 2)) * rng.integers(0, 2, (lanes, 1))
+    impulse[:, 1] *= rng.uniform(-1.0, 1.0, lanes) * mu
+
+    def blocks(values):
+        columns = values.shape[1]
+        of_batches = values.reshape(batches, LANES, columns).transpose(0, 2, 1)
+        return np.ascontiguousarray(of_batches)
+
+    return velocity, blocks(pair), blocks(rows), rows, impulse
+
+
+@kernel
+def _relaxed(last, velocity, pair, block, impulse, before, extrapolation):
+    return face_sweep._relax(0, last, velocity, pair, block, impulse, before, BETA, extrapolation)
+
+
+@kernel
+def _measured(last, velocity, pair, block, impulse):
+    return face_sweep._measure(0, last, velocity, pair, block, impulse)
+
+
+def test_the_law_without_branches_is_that_of_the_full_local_problem():
+    """One relaxation of free points gives the impulses of the enumeration of all states."""
+    velocity, pair, block, rows, impulse = _points(np.random.default_rng(1), 50)
+    old, now = impulse.copy(), velocity.copy()
+    relax_faces_scalar(0, len(pair), now.reshape(-1), pair, block, impulse, old.copy(), BETA, 0.0)
+    found = {"open": 0, "sticks": 0, "slides": 0}
+    for g, row in enumerate(rows):
+        i, j = pair[g // LANES, :, g % LANES] // 4
+        (x, y), (s_i, s_j) = velocity[i, :2] - velocity[j, :2], (velocity[i, 2], velocity[j, 2])
+        turns = [row[getattr(face_sweep, name)] for name in ("A_N", "A_T", "B_N", "B_T")]
+        u_n = x * row[NX] + y * row[NY] + s_i * turns[0] - s_j * turns[2] + row[BIAS]
+        u_t = y * row[NX] - x * row[NY] + s_i * turns[1] - s_j * turns[3] - row[SLIDE]
+        right = solve_full(*old[g], u_n, u_t, row[W_NN], row[W_NT], row[W_TT], row[MU])
+        assert impulse[g] == pytest.approx(right, rel=1e-12, abs=1e-13)
+        p_n, p_t = impulse[g]
+        slides = abs(p_t) >= row[MU] * p_n * (1.0 - 1e-12)
+        found["open" if p_n == 0.0 else "slides" if slides else "sticks"] += 1
+    assert min(found.values()) >= 10
+
+
+@pytest.mark.skipif(not HAS_VECTORS, reason="nothing is compiled")
+def test_vectors_have_the_bits_of_the_scalar_loop():
+    rng = np.random.default_rng(2)
+    velocity, pair, block, _, impulse = _points(rng, 40)
+    before = impulse * rng.uniform(0.5, 1.5, impulse.shape)
+    results = []
+    for relax in (_relaxed, None):
+        now, p, last = velocity.copy().reshape(-1), impulse.copy(), before.copy()
+        sums = []
+        for extrapolation in (0.0, 0.7, 0.3):
+            if relax:
+                sums.append(relax(len(pair), now, pair, block, p, last, extrapolation))
+            else:
+                sums.append(
+                    relax_faces_scalar(0, len(pair), now, pair, block, p, last, BETA, extrapolation)
+                )
+        results.append((sums, now, p, last))
+    for vectors, scalars in zip(*results, strict=True):
+        np.testing.assert_array_equal(vectors, scalars)
+    residuals = _measured(len(pair), now, pair, block, p)
+    assert residuals == face_sweep.measure_faces_scalar(0, len(pair), now, pair, block, p)
+    assert residuals[-1] > LANES
