@@ -61,8 +61,12 @@ class Outlines(NamedTuple):
 
     def of_grains(self, which: NDArray[np.int64]) -> Outlines:
         """Those of some grains, in this order."""
-        grains = [self.pieces(int(k)) for k in which]
-        return self.of(grains, self.area[which], self.perimeter[which])
+        pieces, of_piece = _rows(self.piece, which)
+        corners, of_corner = _rows(self.start, pieces)
+        return Outlines(
+            of_piece, of_corner, self.corner[corners], self.rounding[pieces], self.area[which],
+            self.perimeter[which],
+        )  # fmt: skip
 
     def fit(self, count: int) -> bool:
         """Whether they are outlines of so many grains: what is read from files may not be."""
@@ -92,5 +96,12 @@ class Outlines(NamedTuple):
         return np.asarray(np.maximum.reduceat(reach, self.start[self.piece[:-1]]))
 
 
-def _starts(counts: Sequence[int]) -> Ints:
+def _starts(counts: Sequence[int] | NDArray[np.int32]) -> Ints:
     return np.concatenate([[0], np.cumsum(np.array(counts, np.int64))]).astype(np.int32)
+
+
+def _rows(start: Ints, which: NDArray[np.int64]) -> tuple[NDArray[np.int64], Ints]:
+    """Rows ``start[k]:start[k+1]`` of some k, one after the other, and where each begins then."""
+    counts = np.diff(start)[which]
+    begin = _starts(counts)
+    return np.arange(begin[-1]) + np.repeat(start[which] - begin[:-1], counts), begin

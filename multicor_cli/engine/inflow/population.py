@@ -19,7 +19,7 @@ from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Release
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.books import EXCHANGE_NAMES, stored_fields
-from multicor_cli.model.columns import RADIUS, SPIN, X, Y
+from multicor_cli.model.columns import ANGLE, RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import Presence, State
 
@@ -278,7 +278,7 @@ def _put(
     grain: int, place: tuple[float, float], release: Release, model: Model, state: State
 ) -> None:
     x, y = place
-    state.position[grain] = x - model.period if 0.0 < model.period <= x else x, y, 0.0
+    state.position[grain, :ANGLE] = x - model.period if 0.0 < model.period <= x else x, y
     state.image[grain] = 0
     state.velocity[grain] = release.velocity
     if state.heat.size:
@@ -292,12 +292,16 @@ def _put(
 
 def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
     kept = _among(state.contact_i, state.contact_j, stayed)
-    if state.contact_couple.size:
-        state.contact_couple = state.contact_couple[kept]
+    for name in ("contact_couple", "contact_point"):
+        values = getattr(state, name)
+        if values.size:
+            setattr(state, name, values[kept])
     state.contact_i, state.contact_j = state.contact_i[kept], state.contact_j[kept]
     state.contact_impulse = state.contact_impulse[kept]
     kept = _among(state.near_i, state.near_j, stayed)
     state.near_i, state.near_j = state.near_i[kept], state.near_j[kept]
+    if state.near_points.size:
+        state.near_points = state.near_points[kept]
     kept = _among(state.bridge_i, state.bridge_j, stayed)
     state.bridge_i, state.bridge_j = state.bridge_i[kept], state.bridge_j[kept]
     kept = _among(state.mean_i, state.mean_j, stayed)
