@@ -233,7 +233,7 @@ def _seen_from(
         at_w = (wy - py) * nx - (wx - px) * ny
         low, high = min(at_v, at_w), max(at_v, at_w)
         at = min(max(at_v, 0.0), length)
-        mx, my = nx, ny
+        mx, my, is_edge = nx, ny, True
         ax, ay = px - at * ny, py + at * nx
         if at != at_v:
             nearest_end = edge if at == 0.0 else after
@@ -243,13 +243,19 @@ def _seen_from(
                 part = (at - at_v) / (at_w - at_v)
                 bx, by = vx + part * (wx - vx), vy + part * (wy - vy)
                 gap, key = (bx - ax) * nx + (by - ay) * ny, np.int64(nearest_end)
-            elif separation > 0.0:
+            elif separation > -_PARALLEL * length:  # or in line
                 away = sqrt((vx - ax) * (vx - ax) + (vy - ay) * (vy - ay))
+                away_w = sqrt((wx - ax) * (wx - ax) + (wy - ay) * (wy - ay))
+                nearer = v
+                if away_w < away:  # both as far from the line, to rounding
+                    nearer, bx, by, away = w, wx, wy, away_w
                 if away > _PARALLEL * length:
-                    mx, my, gap = (vx - ax) / away, (vy - ay) / away, away
-                    key = np.int64(max(v, nearest_end))  # of a grain and a wall that of the wall
+                    mx, my, gap = (bx - ax) / away, (by - ay) / away, away
+                    is_edge = abs(at - at_v) <= _PARALLEL * length
+                    key = np.int64(max(nearer, nearest_end))  # with a wall that of the wall
         to = min(at_w, length) if at_w > at_v else max(at_w, 0.0)
-        if abs(to - at) > _PARALLEL * length and low <= to <= high and (to > at) == (at_w > at_v):
+        is_edge = is_edge and abs(to - at) > _PARALLEL * length
+        if is_edge and low <= to <= high and (to > at) == (at_w > at_v):
             part = (to - at_v) / (at_w - at_v)
             cx, cy = px - to * ny, py + to * nx
             dx, dy = vx + part * (wx - vx), vy + part * (wy - vy)
