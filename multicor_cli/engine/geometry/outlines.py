@@ -42,8 +42,9 @@ _CORNERS = {_PLANE: 0, _CIRCLE: 0, _VERTEX: 1, _DISC: 1, _SEGMENT: 2, _SIDE: 2}
 _PARALLEL = 1e-9
 """Of an edge: shorter pieces that two edges share are points, and closer corners are one."""
 
-LEAN = 0.1
-"""How far, as a sine, the normal at a corner of a wall may lie outside of those of both sides."""
+LEAN = 1e-6
+"""How far, as a sine, the normal at a corner of a wall may lie outside of those of both sides: the
+corner of a flush joint is no obstacle to what slides towards it."""
 
 
 # ---- Pieces of grains and of wall shapes, at one moment
