@@ -30,7 +30,7 @@ TILED, CROWDED, GENERAL, FACE = 0, 1, 2, 3
 """Classes of contacts; those of grains that are no discs (`engine/contact/faces.py`) are faces."""
 
 _NONE = np.empty(0, np.int32)
-_NOWHERE = np.iinfo(np.int32).min
+_NOWHERE = -(1 << 31)  # the lane of what lies in none
 COLORS = 4
 STREAMS = 4  # parts of a tile whose contacts take turns
 

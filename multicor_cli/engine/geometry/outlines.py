@@ -80,11 +80,12 @@ def pieces_of(model: Model) -> Pieces | None:
     has = (corners > 0).astype(np.int32)
     ends = outlines.start[-1] + np.cumsum(corners[corners > 0])
     of_discs = np.where(shapes.kind == _DISC, shapes.geometry[:, RADIUS], 0.0)
-    corner = np.zeros((int(outlines.start[-1] + corners.sum()), 4))
+    start = np.concatenate([outlines.start, ends]).astype(np.int32)
+    corner = np.zeros((int(start[-1]), 4))
     corner[: len(outlines.corner)] = _with_normals(outlines)
     return Pieces(
         np.concatenate([outlines.piece, outlines.piece[-1] + np.cumsum(has)]).astype(np.int32),
-        np.concatenate([outlines.start, ends]).astype(np.int32),
+        start,
         corner,
         np.concatenate([outlines.rounding, of_discs[corners > 0]]),
         model.spin_radius,
@@ -106,7 +107,7 @@ def _with_normals(outlines: Outlines) -> Floats:
 
 def turned(pieces: Pieces, scene: Scene) -> Pieces:
     """The pieces as grains and walls lie in a scene; ``pieces`` are at angle 0."""
-    corner = np.empty_like(pieces.corner)
+    corner = np.empty(pieces.corner.shape)
     turn_grains(pieces, scene.position, corner)
     place_walls(pieces, scene, corner)
     return pieces._replace(corner=corner)
