@@ -479,11 +479,12 @@ def _kept(name: str) -> Column[Any]:
 
 
 def _of_contacts(name: str, about: Stored) -> Column[Any]:
+    columns = (len(about.columns),) if about.columns else ()
     as_flags = (lambda rows: rows.astype(np.bool_)) if about.dtype == "u1" else _CONVERT["contacts"]
     return Column.of(
         about,
         f"contacts/{name}",
-        value=lambda m: m.of_contacts(getattr(m.table, name)),
+        value=lambda m: m.of_contacts(getattr(m.table, name), columns),
         convert=as_flags,
     )
 
