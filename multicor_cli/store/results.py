@@ -249,7 +249,7 @@ def write_results(
 
     size = sum(values.nbytes for values in constant.values()) + 16 * (rows["frame"] + 1)
     size += sum(math.prod(shapes[s]) * dtype_of(s, precision).itemsize for s in shapes)
-    view = estimate_view(rows["frame"], rows["contact_row"])
+    view = estimate_view(rows["frame"], rows["contact_row"], model)
     digests = write_hdf5(
         path,
         "results",
