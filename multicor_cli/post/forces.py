@@ -105,7 +105,8 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
         ]
     parts = {
         "scene": scene, "normal": loaded.normal, "start": start, "end": start - loaded.branch,
-        "touch": touch, "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall, "summary": summary,
+        "touch": touch, "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall,
+        "summary": summary,
     }  # fmt: skip
     return ForceNetwork(
         values_of_quantities([(NUMBERS[name], value) for name, value in summary.items()]),

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.model.outlines import Outlines
+from multicor_cli.post.lattice import in_plane
 
 FINE = 2e-3
-"""How far lines stay inside of arcs at most, over the radius of the grain."""
+"""How far lines stay inside of arcs at most, over the radius of the grain, unless told otherwise:
+50 points on a disc."""
 
 _COARSEST = 0.3  # the same over the radius of an arc: at least four sides a turn
 _SAME = 1e-9  # points that are nearer than this part of a piece are one
@@ -44,7 +46,7 @@ class Rings:
         after = np.arange(x.size) + 1
         after[self.start[1:] - 1] = self.start[:-1]
         cross = 0.5 * (x * y[after] - x[after] * y)
-        return np.bincount(self.grain.repeat(length), cross)
+        return np.asarray(np.bincount(self.grain.repeat(length), cross), np.float64)
 
     def of_grains(self, which: NDArray[np.int64]) -> Rings:
         """Those of some grains, which count from 0 then, in this order."""
@@ -55,6 +57,16 @@ class Rings:
         grain = np.arange(len(which)).repeat(last - first)
         return Rings(grain, _edges(length), self.point[point])
 
+    def single(self) -> Rings:
+        """One line around each grain: bridges of no width lead to holes and to parts beside it."""
+        parts: list[list[Floats]] = [[] for _ in range(int(self.grain.max(initial=-1)) + 1)]
+        for grain, ring in zip(self.grain.tolist(), self, strict=True):
+            parts[grain].append(ring)
+        lines = [part[0] if len(part) == 1 else _bridged(part) for part in parts]
+        points = np.concatenate(lines) if lines else self.point
+        length = np.array([len(line) for line in lines], np.int64)
+        return Rings(np.arange(len(lines)), _edges(length), points)
+
     def placed(self, center: Floats, angle: Floats) -> Rings:
         """The same around grains with these centers [m], ``(n, 2)``, and angles [rad], ``(n,)``."""
         owner = self.grain.repeat(np.diff(self.start))
@@ -63,21 +75,22 @@ class Rings:
         return replace(self, point=turned + center[owner])
 
 
-def rings_of(outlines: Outlines) -> Rings:
-    """Rings around grains, from their centers at angle 0: of a clump around all that it covers."""
+def rings_of(outlines: Outlines, fine: float = FINE) -> Rings:
+    """Rings around grains, from their centers at angle 0: of a clump around all that it covers.
+
+    Lines stay inside of arcs by ``fine`` radii of the grain at most.
+    """
     lines = (outlines.piece, outlines.start, outlines.corner, outlines.rounding)
-    return _rings(*(np.ascontiguousarray(line).tobytes() for line in lines))
+    return _rings(fine, *(np.ascontiguousarray(line).tobytes() for line in lines))
 
 
 @functools.lru_cache(maxsize=2)
-def _rings(piece: bytes, start: bytes, corner: bytes, rounding: bytes) -> Rings:
+def _rings(fine: float, piece: bytes, start: bytes, corner: bytes, rounding: bytes) -> Rings:
     """The same of the bytes: frames of a run have the same ones."""
     of_grain, of_piece = (np.frombuffer(line, np.int32) for line in (piece, start))
-    none, count = np.zeros(0), len(of_grain) - 1
-    outlines = Outlines(
-        of_grain, of_piece, np.frombuffer(corner).reshape(-1, 2), np.frombuffer(rounding), none, none
-    )  # fmt: skip
-    ends, point = _convex_rings(outlines)
+    corners, none, count = np.frombuffer(corner).reshape(-1, 2), np.zeros(0), len(of_grain) - 1
+    outlines = Outlines(of_grain, of_piece, corners, np.frombuffer(rounding), none, none)
+    ends, point = _convex_rings(outlines, fine)
     parts = np.split(point, ends[1:-1])
     radius, found, grain = outlines.radius, list[Floats](), list[int]()
     known: dict[tuple[bytes, ...], list[Floats]] = {}
@@ -95,7 +108,7 @@ def _rings(piece: bytes, start: bytes, corner: bytes, rounding: bytes) -> Rings:
     return Rings(np.array(grain, np.int64), _edges(np.array([len(r) for r in found], int)), points)
 
 
-def _convex_rings(outlines: Outlines) -> tuple[NDArray[np.int64], Floats]:
+def _convex_rings(outlines: Outlines, fine: float) -> tuple[NDArray[np.int64], Floats]:
     """Rings around all pieces: first point of each, shape ``(p + 1,)``, and points.
 
     At each corner an arc leads from the normal of the side before to that of the side after it.
@@ -113,7 +126,7 @@ def _convex_rings(outlines: Outlines) -> tuple[NDArray[np.int64], Floats]:
     is_disc = count[piece] == 1
     turn[is_disc] = 2.0 * np.pi
     rounding = outlines.rounding[piece]
-    sagitta = FINE * outlines.radius.repeat(np.diff(outlines.piece))[piece]
+    sagitta = fine * outlines.radius.repeat(np.diff(outlines.piece))[piece]
     is_round = (rounding > 0.0) & (turn > 0.0)
     share = np.minimum(sagitta / np.where(is_round, rounding, 1.0), _COARSEST)
     steps = np.where(is_round, np.ceil(turn / (2.0 * np.arccos(1.0 - share))), 0.0).astype(np.int64)
@@ -195,6 +208,19 @@ def _chained(first: Floats, last: Floats) -> list[Floats]:
         if len(ring) > 2:
             rings.append(first[ring])
     return rings
+
+
+def _bridged(rings: Sequence[Floats]) -> Floats:
+    """One line along all rings, from the longest one to whichever is nearest to what it has."""
+    left = sorted(rings, key=len)
+    line = left.pop()
+    while left:
+        apart = [np.abs(in_plane(line)[:, np.newaxis] - in_plane(ring)) for ring in left]
+        nearest = int(np.argmin([distances.min() for distances in apart]))
+        here, there = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
+        way = np.roll(left.pop(nearest), -there, axis=0)
+        line = np.concatenate([line[: here + 1], way, way[:1], line[here:]])
+    return line
 
 
 def _edges(lengths: NDArray[np.int64]) -> NDArray[np.int64]:

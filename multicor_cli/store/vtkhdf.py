@@ -4,10 +4,10 @@ Each step is one piece of PolyData: the grains are points, the contacts are line
 wall, or one across the period, has no second grain next to it; its line ends in a point of its own,
 appended to the grains of the step. Where not all grains are discs, lines lead from center to center
 through the point of contact, which is appended too. These points, and which points the lines join,
-are all that is stored here. Everything else is a link, or a virtual dataset that maps the rows of grains and
-contacts to where VTK expects them and gives the appended points a fill value. There is equal room
-for the points of every step, of which a step uses as much as it needs: then one mapping does for
-all steps.
+are all that is stored here. Everything else is a link, or a virtual dataset that maps the rows of
+grains and contacts to where VTK expects them and gives the appended points a fill value. There is
+equal room for the points of every step, of which a step uses as much as it needs: then one mapping
+does for all steps.
 
 A step without contacts gets one line from grain 0 to itself: several versions of VTK misread the
 step after one without cells.
@@ -120,7 +120,9 @@ def read_lines(
         arm = file["contacts/arm"][first:last].astype(np.float64)
         sides = file["walls/position"][start:stop, 0][frame] if model.is_cell else None
         joined[row], found, ends = _bent_lines(model, i, j, frame, position, arm, sides)
-        return LineBlock(joined.ravel(), np.bincount(frame, found, len(counts)).astype(np.int64), ends)
+        return LineBlock(
+            joined.ravel(), np.bincount(frame, found, len(counts)).astype(np.int64), ends
+        )
     is_wall = j >= n
     partner = np.where(is_wall, i, j)
     center = position[frame * n + i]
@@ -194,8 +196,8 @@ NO_CONTACT = 255
 
 _VERSION = (2, 0)
 _MAPPING_BYTES = 320
-_TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
-_LINES = _TOPOLOGIES.index("Lines")
+TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
+_LINES = TOPOLOGIES.index("Lines")
 
 _POINT_FIELDS, _CONTACT_FIELDS, _STEP_FIELDS = (
     [row for row in table if "vtk" in row.exports]
@@ -242,23 +244,17 @@ def estimate_view(frames: int, contact_rows: int, model: Model) -> int:
     """Upper bound of the size of the view [bytes]."""
     lines, cells = contact_rows + frames, sum(len(_cells(row)) for row in _CONTACT_FIELDS)
     per_line = points_per_line(model)
-    return 8 * (per_line + 1) * lines + 24 * (per_line - 1) * contact_rows + frames * (_MAPPING_BYTES * cells + 512) + (256 << 10)
+    joined = 8 * (per_line + 1) * lines + 24 * (per_line - 1) * contact_rows
+    return joined + frames * (_MAPPING_BYTES * cells + 512) + (256 << 10)
 
 
 def write_view(file: h5py.File, model: Model) -> None:
     """Add the view to an open ``results.h5`` whose datasets are complete, if it has frames."""
     if not len(file["steps/time"]):
         return
-    root = file.create_group(GROUP)
-    root.attrs["Version"] = np.array(_VERSION, np.int64)
-    root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len(b"PolyData")))
+    root = begin_view(file)
     rows = _write_lines(file, root, model)
-    # The kinds of cells that are not used: VTK wants them to be there.
-    root["Vertices/NumberOfCells"] = np.zeros(len(rows.ends), np.int64)
-    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
-    for count in ("NumberOfConnectivityIds", "Offsets"):
-        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
-    root["Polygons"] = root["Strips"] = root["Vertices"]
+    write_no_cells(root, len(rows.ends), "Polygons")
     root["NumberOfPoints"] = rows.grains + rows.ends
     steps = _write_steps(file, root, rows)
     _write_points(file, root, steps, rows)
@@ -274,6 +270,23 @@ def write_view(file: h5py.File, model: Model) -> None:
         if row.name != "step":
             steps[f"FieldDataSizes/{row.name}"] = steps["FieldDataSizes/step"]
     write_text(root, "blake2b", _digest(file))
+
+
+def begin_view(file: h5py.File) -> h5py.Group:
+    """The group of a view that has nothing yet."""
+    root = file.create_group(GROUP)
+    root.attrs["Version"] = np.array(_VERSION, np.int64)
+    root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len(b"PolyData")))
+    return root
+
+
+def write_no_cells(root: h5py.Group, parts: int, kind: str) -> None:
+    """Vertices, strips and cells of another ``kind`` that are not used: VTK wants them there."""
+    root["Vertices/NumberOfCells"] = np.zeros(parts, np.int64)
+    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
+    for count in ("NumberOfConnectivityIds", "Offsets"):
+        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
+    root[kind] = root["Strips"] = root["Vertices"]
 
 
 def check_view(path: Path) -> None:
@@ -366,7 +379,7 @@ def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group
     steps["PartOffsets"] = np.arange(count, dtype=np.int64)
     steps["PointOffsets"] = rows.room * np.arange(count, dtype=np.int64)
     for name, per_cell in (("CellOffsets", 1), ("ConnectivityIdOffsets", rows.per_line)):
-        offsets = np.zeros((count, len(_TOPOLOGIES)), np.int64)
+        offsets = np.zeros((count, len(TOPOLOGIES)), np.int64)
         offsets[:, _LINES] = per_cell * _starts(rows.lines)
         steps[name] = offsets
     for name in ("PointData", "CellData", "FieldData"):

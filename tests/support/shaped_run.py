@@ -59,7 +59,7 @@ def make_outlines():
         box(0.0, 0.0, 0.3, 0.1), box(0.0, 0.2, 0.3, 0.3), box(0.0, 0.0, 0.1, 0.3),
         box(0.2, 0.0, 0.3, 0.3),
     ]  # fmt: skip
-    ends = [(ORIGIN - [0.05, 0.0], 0.06), (ORIGIN + [0.05, 0.0], 0.06)]
+    ends = [(np.array([[x, 0.0]]), 0.06) for x in (-0.05, 0.05)]
     half = np.arccos(0.05 / 0.06)  # angle of half the lens that the discs share
     lens = 2.0 * 0.06**2 * half - 0.05 * np.sqrt(4.0 * 0.06**2 - 0.1**2)
     two_discs = 2.0 * np.pi * 0.06**2 - lens, 4.0 * (np.pi - half) * 0.06
