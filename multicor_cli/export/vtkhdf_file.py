@@ -6,7 +6,6 @@ step by step, and which they join once for all steps with the same grains.
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,11 +67,12 @@ def export_vtkhdf(
         with (
             new_file(path, is_overwriting=is_overwriting) as temporary,
             h5py.File(temporary, "w") as file,
-            contextlib.closing(_View(file, float(run.model.grains.radius.min()))) as view,
         ):
+            view = _View(file, float(run.model.grains.radius.min()))
             for number, frame in enumerate(chosen):
                 view.append(frame, rings)
                 progress(number + 1, len(chosen))
+            view.finish()
     except RuntimeError as error:
         raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
     return len(chosen)
@@ -147,7 +147,7 @@ class _View:
             self._arrays[path] = _Array(stream)
         return self._arrays[path]
 
-    def close(self) -> None:
+    def finish(self) -> None:
         """Write what is known in the end: how much of everything belongs to which step."""
         root, parts, count = self._root, np.array(self._parts, np.int64), len(self._steps)
         for array in self._arrays.values():
