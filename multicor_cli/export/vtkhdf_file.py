@@ -14,15 +14,24 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.target import ExportError, check_output, choose_frames, new_file
+from multicor_cli.export.target import ExportError, check_output, choose_frames
 from multicor_cli.post.rings import Rings, rings_of
 from multicor_cli.store import Frame, Run, schema
+from multicor_cli.store.atomic import (
+    GuardedFile,
+    commit_file,
+    make_directory,
+    temporary_beside,
+)
 from multicor_cli.store.errors import StorageError
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.vtkhdf import TOPOLOGIES, Growing, begin_view, write_no_cells
 
 FINE = 5e-3
-"""How far lines stay inside of arcs at most, over the radius of the grain: 32 points on a disc."""
+"""Height of arcs over their chords at most, over the radius of the grain: 32 points on a disc."""
+
+_BYTES_OF_POINT, _BYTES_OF_GRAIN = 20, 160
+"""Of a step, at most, unless it is compressed: a place and a number, and values of each grain."""
 
 _STEP = 1e-4  # places are rounded to this part of the smallest radius, so that files are smaller
 _POLYGONS = TOPOLOGIES.index("Polygons")
@@ -63,16 +72,19 @@ def export_vtkhdf(
     if not chosen:
         raise ExportError(f"{run.path}: no grain is there in these frames")
     rings = rings_of(outlines, FINE).single()
-    try:
-        with (
-            new_file(path, is_overwriting=is_overwriting) as temporary,
-            h5py.File(temporary, "w") as file,
-        ):
+
+    def write(guarded: GuardedFile) -> None:
+        with h5py.File(guarded, "w") as file:
             view = _View(file, float(run.model.grains.radius.min()))
             for number, frame in enumerate(chosen):
                 view.append(frame, rings)
                 progress(number + 1, len(chosen))
             view.finish()
+
+    size = len(chosen) * (_BYTES_OF_POINT * len(rings.point) + _BYTES_OF_GRAIN * outlines.area.size)
+    try:
+        make_directory(path.parent)
+        commit_file(path, "vtkhdf", write, size=size, temporary=temporary_beside(path))
     except RuntimeError as error:
         raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
     return len(chosen)

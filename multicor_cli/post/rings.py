@@ -14,8 +14,8 @@ from multicor_cli.model.outlines import Outlines
 from multicor_cli.post.lattice import in_plane
 
 FINE = 2e-3
-"""How far lines stay inside of arcs at most, over the radius of the grain, unless told otherwise:
-50 points on a disc."""
+"""Height of arcs over their chords at most, over the radius of the grain, unless told otherwise: 50
+points on a disc."""
 
 _COARSEST = 0.3  # the same over the radius of an arc: at least four sides a turn
 _SAME = 1e-9  # points that are nearer than this part of a piece are one
@@ -78,7 +78,7 @@ class Rings:
 def rings_of(outlines: Outlines, fine: float = FINE) -> Rings:
     """Rings around grains, from their centers at angle 0: of a clump around all that it covers.
 
-    Lines stay inside of arcs by ``fine`` radii of the grain at most.
+    Arcs are ``fine`` radii of the grain higher than their chords at most.
     """
     lines = (outlines.piece, outlines.start, outlines.corner, outlines.rounding)
     return _rings(fine, *(np.ascontiguousarray(line).tobytes() for line in lines))
@@ -88,8 +88,9 @@ def rings_of(outlines: Outlines, fine: float = FINE) -> Rings:
 def _rings(fine: float, piece: bytes, start: bytes, corner: bytes, rounding: bytes) -> Rings:
     """The same of the bytes: frames of a run have the same ones."""
     of_grain, of_piece = (np.frombuffer(line, np.int32) for line in (piece, start))
-    corners, none, count = np.frombuffer(corner).reshape(-1, 2), np.zeros(0), len(of_grain) - 1
-    outlines = Outlines(of_grain, of_piece, corners, np.frombuffer(rounding), none, none)
+    none, count = np.zeros(0), len(of_grain) - 1
+    corners, radii = np.frombuffer(corner).reshape(-1, 2), np.frombuffer(rounding)
+    outlines = Outlines(of_grain, of_piece, corners, radii, none, none)
     ends, point = _convex_rings(outlines, fine)
     parts = np.split(point, ends[1:-1])
     radius, found, grain = outlines.radius, list[Floats](), list[int]()
@@ -112,6 +113,7 @@ def _convex_rings(outlines: Outlines, fine: float) -> tuple[NDArray[np.int64], F
     """Rings around all pieces: first point of each, shape ``(p + 1,)``, and points.
 
     At each corner an arc leads from the normal of the side before to that of the side after it.
+    Points between its ends lie so far outside that the ring has the area of the arc.
     """
     start, corner = outlines.start.astype(np.int64), outlines.corner
     count = np.diff(start)
@@ -129,13 +131,30 @@ def _convex_rings(outlines: Outlines, fine: float) -> tuple[NDArray[np.int64], F
     sagitta = fine * outlines.radius.repeat(np.diff(outlines.piece))[piece]
     is_round = (rounding > 0.0) & (turn > 0.0)
     share = np.minimum(sagitta / np.where(is_round, rounding, 1.0), _COARSEST)
-    steps = np.where(is_round, np.ceil(turn / (2.0 * np.arccos(1.0 - share))), 0.0).astype(np.int64)
+    steps = np.ceil(turn / (2.0 * np.arccos(1.0 - share))).astype(np.int64)
+    steps = np.where(is_round, np.maximum(steps, 2), 0)
     points = np.where(is_disc, np.maximum(steps, 3), steps + 1)
     at, k = number.repeat(points), _counted(points)
     angle = normal[before][at] + turn[at] * k / np.maximum(steps, 1)[at]
-    arc = rounding[at, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)])
+    is_end = ~is_disc[at] & ((k == 0) | (k == steps[at]))
+    radius = rounding[at] * np.where(is_end, 1.0, _outside(turn, steps, is_disc)[at])
+    arc = radius[:, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)])
     lengths = np.add.reduceat(points, start[:-1]) if count.size else points
     return _edges(lengths), corner[at] + arc
+
+
+def _outside(turn: Floats, steps: NDArray[np.int64], is_disc: NDArray[np.bool_]) -> Floats:
+    """Radius of the inner points of arcs, all points of circles, over that of the arcs.
+
+    Chords over the angle φ from the ends of an arc, which lie on it, with s − 2 between others:
+    ρ² (s − 2) + 2 ρ = s φ/sin φ. Of circles ρ² = φ/sin φ.
+    """
+    number = np.maximum(steps, 1)
+    angle = turn / number
+    whole = np.where(angle > 0.0, turn / np.where(angle > 0.0, np.sin(angle), 1.0), number)
+    between = np.maximum(number - 2, 0)
+    inner = whole / (1.0 + np.sqrt(1.0 + between * whole))
+    return np.where(is_disc, np.sqrt(whole / number), inner)
 
 
 def joined(polygons: Sequence[Floats]) -> list[Floats]:
@@ -147,8 +166,9 @@ def joined(polygons: Sequence[Floats]) -> list[Floats]:
             _inside(polygon, way, other, is_kept=a < b)
             for b, other in enumerate(polygons) if b != a
         ]).transpose(1, 2, 0)  # fmt: skip
+        is_cut = (high - low > _SAME).any(axis=1).tolist()
         for k in range(len(polygon)):
-            for begin, end in _gaps(low[k], high[k]):
+            for begin, end in _gaps(low[k], high[k]) if is_cut[k] else [(0.0, 1.0)]:
                 first.append(polygon[k] + begin * way[k])
                 last.append(polygon[k] + end * way[k])
     return _chained(np.array(first), np.array(last))
