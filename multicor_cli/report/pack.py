@@ -239,8 +239,8 @@ def _contacts(frame: Frame) -> ContactsView | None:
 
 # ---- What grains look like, once for those that are alike but for their size
 
-_SHARES = Code(-1.0, 1.0, 2)
-"""Of the points of lines around grains, in radii of the grains."""
+_SHARES = Code(-1.01, 1.01, 2)
+"""Of the points of lines around grains, in radii of the grains; those around arcs lie outside."""
 
 
 @dataclass(frozen=True)

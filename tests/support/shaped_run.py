@@ -111,8 +111,10 @@ def advance(state):
         state.heat += np.arange(len(PLACES))
 
 
-def write_shaped_run(path, *, frames=3, heat=False, model=None, recorded=True, **options):
-    """Write a finished run of these grains, a step from frame to frame; gives the last state."""
+def write_shaped_run(
+    path, *, frames=3, heat=False, model=None, recorded=True, finish=True, **options
+):
+    """Write a run of these grains, a step from frame to frame; gives the last state."""
     model = model or shaped_model(heat=heat)
     state = State.at_rest(model, PLACES)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",), **options) as run:
@@ -123,5 +125,6 @@ def write_shaped_run(path, *, frames=3, heat=False, model=None, recorded=True, *
             writer.frame(Snapshot(state, model, contact_rows(state) if recorded else None))
             writer.series_row(Snapshot(state, model))
         run.checkpoint(state, writer)
-        run.finish("finished")
+        if finish:
+            run.finish("finished")
     return state

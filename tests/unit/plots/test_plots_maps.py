@@ -7,6 +7,7 @@ from heat_run import GRAINS
 from matplotlib.figure import Figure
 from shaped_run import ANGLE, DUMBBELL, FRAME, LOWER, PLACES, TRIANGLE, TURN, UPPER
 
+from multicor_cli.model.shapes import Polygon
 from multicor_cli.plots import draw_forces, draw_theta_eta, place_scene
 from multicor_cli.plots.fields import _fill
 from multicor_cli.plots.forces import line_widths, segments
@@ -64,11 +65,10 @@ def test_grains_of_any_shape_are_drawn_as_they_lie(shapes):
     turn = 0.5 * np.pi + TURN + 2.0 * np.pi / 3.0 * np.arange(4)  # the first corner again
     corners = PLACES[TRIANGLE] + 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
     assert paths[TRIANGLE].vertices == pytest.approx(corners)
-    assert paths[FRAME].contains_points([PLACES[FRAME], PLACES[FRAME] + [0.1, 0.0]]).tolist() == [
-        False, True,
-    ]  # fmt: skip
-    inner = PLACES[ANGLE] + 0.05
-    assert not paths[ANGLE].contains_point(inner)
+    outer, hole = paths[FRAME].to_polygons()  # one that runs clockwise is a hole
+    assert Polygon(outer[:-1]).signed_size == pytest.approx(0.09)
+    assert Polygon(hole[:-1]).signed_size == pytest.approx(-0.01)
+    assert not paths[ANGLE].contains_point(PLACES[ANGLE] + 0.05)
 
 
 def test_forces_between_grains_of_any_shape_pass_through_points_of_contact(shapes):
