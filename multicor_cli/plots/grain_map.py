@@ -44,6 +44,7 @@ SOLID = "0.7"
 
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
+_FLUSH = 0.1  # width of outlines of more grains that may lie side on side without a gap [points]
 _TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
 # Room beside the axes for their labels, above them for the time [inch]
 _LEFT, _RIGHT, _BOTTOM = 0.64, 0.15, 0.45
@@ -113,9 +114,8 @@ def draw_grains(
     axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any
 ) -> Any:
     """Draw the grains, colored by ``value`` or in one color; returns matplotlib's collection."""
-    has_edge = scene.radius.size <= _FEW
-    edge: dict[str, Any] = {"edgecolors": "0.2" if has_edge else "none"}
-    edge["linewidths"] = 0.3 if has_edge else 0.0
+    width = 0.3 if scene.radius.size <= _FEW else 0.0 if scene.rings is None else _FLUSH
+    edge: dict[str, Any] = {"edgecolors": "0.2" if width else "none", "linewidths": width}
     filling = {"facecolors": color} if value is None else {"array": value}
     look = {**edge, **filling, **style}
     if scene.rings is None:

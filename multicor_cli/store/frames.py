@@ -201,7 +201,7 @@ class GrainFacts:
     """What grains are that does not change; every array has shape ``(n,)``.
 
     Attributes:
-        radius: Radius a [m].
+        radius: Radius a [m]; of a grain that is no disc, how far it reaches from its center.
         mass: Mass m [kg].
         inertia: Moment of inertia about the center [kg m²].
         material: Name of the material.

@@ -416,7 +416,8 @@ class GrainColumns:
         (3,), columns=("x", "y"), convert=lambda rows: rows[:, :2],
         about="centers, x wrapped into the period")  # fmt: skip
     angle: Column[Array] = _column("particles/angle", "float", "rad",
-        "rotation since the start of the run", lambda m: m.state.position[:, ANGLE],
+        "rotation since the start of the run; of grains that are no discs, that of their outlines",
+        lambda m: m.state.position[:, ANGLE],
         exports=("vtk",))  # fmt: skip
     image: Column[Array] = _column("particles/image", "i8", "1",
         "periods by which x was wrapped: x + image*period is unwrapped", "state.image")  # fmt: skip
