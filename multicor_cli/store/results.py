@@ -191,10 +191,10 @@ def _check_model(model: Model, path: Path) -> None:
     }
     if model.outlines is not None:
         fits = model.outlines.fit(model.grain_count)
+        # Neighbors are sought within radii
+        reach = model.outlines.radius if fits else grains.radius
         is_right["model/outlines"] = np.array([fits])
-        if fits:  # neighbors are sought within radii
-            away = np.abs(model.outlines.radius - grains.radius)
-            is_right["model/radius"] &= away <= _SLACK * grains.radius
+        is_right["model/outlines/corner"] = np.abs(reach - grains.radius) <= _SLACK * grains.radius
     for name, found in is_right.items():
         if not found.all():
             raise DamagedRun(f"{path}: {name} holds values out of range")

@@ -175,7 +175,7 @@ def _bent_lines(
     is_open = is_wall | (image != other).any(axis=1)
     count = 1 + is_open.astype(np.int64)
     first = _starts(count)
-    ends = np.zeros((int(count.sum()), position.shape[1]))
+    ends = np.zeros((len(count) + int(np.count_nonzero(is_open)), position.shape[1]))
     ends[first] = np.where(is_wall[:, np.newaxis], 0.5 * (center + touch), touch)
     ends[first[is_open] + 1] = np.where(is_wall[:, np.newaxis], touch, image)[is_open]
     begins = np.flatnonzero(np.diff(frame, prepend=-1))  # of frames with contacts

@@ -179,8 +179,8 @@ SHAPED = {
         )
     },
     # Farther than the grain reaches, by what its radius says
-    "corner": (value("model/outlines/corner", 5, [0.3, 0.0]), "model/radius"),
-    "radius": (value("model/radius", 1, 0.1), "model/radius"),
+    "corner": (value("model/outlines/corner", 5, [0.3, 0.0]), "model/outlines/corner"),
+    "radius": (value("model/radius", 1, 0.1), "model/outlines/corner"),
     "arm": (value("contacts/arm", 0, [np.nan, 0.0]), "contacts/arm"),
 }  # fmt: skip
 """The same for a run of grains of any shape."""
