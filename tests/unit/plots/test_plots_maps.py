@@ -75,9 +75,8 @@ def test_forces_between_grains_of_any_shape_pass_through_points_of_contact(shape
     network = force_network(shapes, 1)
     lines, which = segments(network)
     assert sorted(which.tolist()) == sorted([*range(network.i.size)] * 2)
-    own = network.i == ANGLE  # touches the floor
-    first, _ = (lines[which == k] for k in (np.flatnonzero(own)[0], LOWER))
-    assert first[0] == pytest.approx(np.array([PLACES[ANGLE], PLACES[ANGLE] - [0.0, 0.11]]))
+    floor = lines[which == np.flatnonzero(network.i == ANGLE)[0]]
+    assert floor[0] == pytest.approx(np.array([PLACES[ANGLE], PLACES[ANGLE] - [0.0, 0.11]]))
     upper = lines[which == np.flatnonzero(network.j == UPPER)[0]]
     assert upper[0, 0] == pytest.approx(PLACES[LOWER])
     assert upper[0, 1] == pytest.approx(upper[1, 0])
