@@ -12,6 +12,7 @@ from cut_runs import CELL
 from heat_run import write_heated_run
 from report_run import write_evil_run
 from scenes import write_small
+from shaped_run import write_shaped_run
 
 import multicor_cli as multicor
 
@@ -108,15 +109,24 @@ def silent(tmp_path_factory):
     return multicor.open_run(path)
 
 
+@pytest.fixture(scope="session")
+def shaped(tmp_path_factory):
+    """Directory of a run with heat of grains of all kinds of shapes (`shaped_run`)."""
+    path = tmp_path_factory.mktemp("shaped") / "run"
+    write_shaped_run(path, heat=True)
+    return path
+
+
 @pytest.fixture
 def typed(request, tmp_path):
     """``typed("post map RUN")`` is a command as typed in an empty folder, which ends with ``code``.
 
-    RUN and HEATED are the runs of the fixtures `finished` and `heated`, SMALL is the scenario of
-    the first.
+    RUN, HEATED and SHAPED are the runs of the fixtures `finished`, `heated` and `shaped`, SMALL is
+    the scenario of the first.
     """
     places = {
-        "RUN": ("finished", ""), "HEATED": ("heated", ""), "SMALL": ("finished", "../small.toml"),
+        "RUN": ("finished", ""), "HEATED": ("heated", ""), "SHAPED": ("shaped", ""),
+        "SMALL": ("finished", "../small.toml"),
     }  # fmt: skip
 
     def typed(line, code=0):

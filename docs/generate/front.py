@@ -17,7 +17,7 @@ from PIL import Image
 import multicor_cli as multicor
 from multicor_cli import post
 from multicor_cli.plots.forces import segments
-from multicor_cli.plots.grain_map import draw_discs, draw_walls
+from multicor_cli.plots.grain_map import draw_grains, draw_walls
 
 TARGET = Path(__file__).parents[1] / "pictures" / "front.png"
 SCENARIO = """
@@ -101,7 +101,7 @@ def main() -> None:
             heat, network = post.grain_map(run, "temperature"), post.force_network(run)
     figure, axes = plt.subplots(figsize=(8.0, 3.6))
     figure.subplots_adjust(0.0, 0.0, 1.0, 1.0)
-    draw_discs(
+    draw_grains(
         axes,
         heat.scene,
         value=heat.value,

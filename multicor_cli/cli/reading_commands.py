@@ -220,12 +220,14 @@ export = typer.Typer(
     no_args_is_help=True,
     help=(
         "A run in the formats of other programs. ParaView opens results.vtkhdf in the run "
-        "directory as it is."
+        "directory as it is; grains that are no discs are points there, and polygons in what "
+        "'export vtkhdf' writes."
     ),
 )
 
 GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.")]
 CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.")]
+VtkhdfFile = Annotated[Path, output_option(metavar="FILE.vtkhdf", help="File to write.")]
 FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.")]
 OverwriteExport = Annotated[
     bool, option("--overwrite", "Replace what an export has written there before.")
@@ -241,7 +243,8 @@ def to_gsd(
     """Write a GSD file for OVITO: grains as particles, contacts that carry a force as bonds.
 
     Temperatures, angular velocities and forces are logged quantities, which OVITO shows as
-    properties. Needs the library gsd.
+    properties. Where not all grains are discs, there is a particle type for each outline. Needs the
+    library gsd.
     """
     chosen = parse_frames(frames)
     from multicor_cli.export import export_gsd
@@ -249,6 +252,29 @@ def to_gsd(
 
     with open_run(directory) as run, console.show_progress("frame") as progress:
         count = export_gsd(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
+    console.say(
+        f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}"
+    )
+
+
+def to_vtkhdf(
+    directory: RunPath,
+    output: VtkhdfFile,
+    frames: Frames = None,
+    is_overwriting: OverwriteExport = False,
+) -> None:
+    """Write a VTKHDF file for ParaView: grains that are no discs as polygons, in all frames.
+
+    Contacts are in results.vtkhdf of the run directory, which ParaView opens beside it.
+    """
+    if output.suffix.lower() != ".vtkhdf":
+        raise typer.BadParameter(f"'{output}' does not end in .vtkhdf", param_hint="-o")
+    chosen = parse_frames(frames)
+    from multicor_cli.export import export_vtkhdf
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run, console.show_progress("frame") as progress:
+        count = export_vtkhdf(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
     console.say(
         f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}"
     )
@@ -311,4 +337,4 @@ def _may_be_left() -> Iterator[None]:
 
 
 COMMANDS = {"info": info, "verify": verify, "doctor": doctor, "report": report}
-EXPORTS = {"gsd": to_gsd, "csv": to_csv, "fclib": to_fclib}
+EXPORTS = {"gsd": to_gsd, "vtkhdf": to_vtkhdf, "csv": to_csv, "fclib": to_fclib}

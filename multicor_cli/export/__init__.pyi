@@ -8,3 +8,4 @@ from .gsd_file import export_gsd as export_gsd
 from .target import ExportError as ExportError
 from .target import ExportRefused as ExportRefused
 from .target import MissingLibrary as MissingLibrary
+from .vtkhdf_file import export_vtkhdf as export_vtkhdf

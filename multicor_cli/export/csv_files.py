@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.export.target import choose_frames, new_directory
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.store import Frame, Run, schema
 from multicor_cli.store.frames import (
     NamedColumn,
@@ -26,7 +27,7 @@ from multicor_cli.store.frames import (
 )
 from multicor_cli.store.layout import Progress, no_progress
 
-FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")
+FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series|outlines)\.csv")
 """What the files are called."""
 
 
@@ -42,7 +43,8 @@ def export_csv(
 
     Files are named by the number of the frame: ``grains-000012.csv``, ``contacts-…`` (where they
     are recorded), ``walls-…`` (where there are walls); ``frames.csv`` holds step, time and stage of
-    each, ``series.csv`` the whole time series. Gives the number of ``frames``, which are all by
+    each, ``series.csv`` the whole time series, and where not all grains are discs ``outlines.csv``
+    the corners of their pieces. Gives the number of ``frames``, which are all by
     default; an export that is there is replaced only if ``is_overwriting``.
 
     Raises:
@@ -54,6 +56,8 @@ def export_csv(
     with new_directory(path, FILE_NAMES, is_overwriting=is_overwriting) as directory:
         _write(directory / "frames.csv", _frame_columns(run, chosen))
         _write(directory / "series.csv", run.series_columns)
+        if run.model.outlines is not None:
+            _write(directory / "outlines.csv", _outline_columns(run.model.outlines))
         for number, frame in enumerate(chosen):
             tables = {"grains": grain_columns(frame)}
             if frame.contacts.recorded:
@@ -73,6 +77,18 @@ def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[NamedColumn]:
         columns += split(spec, run.frames.column(spec.path)[index])
     stages = [run.stages[k] if 0 <= k < len(run.stages) else "" for k in run.frames.stage[index]]
     return [*columns, NamedColumn("stage_name", "1", stages)]
+
+
+def _outline_columns(outlines: Outlines) -> list[NamedColumn]:
+    """A row for each corner, with its grain and piece."""
+    piece = np.arange(outlines.rounding.size).repeat(np.diff(outlines.start))
+    grain = np.arange(outlines.area.size).repeat(np.diff(outlines.piece))[piece]
+    return [
+        NamedColumn("grain", "1", grain),
+        NamedColumn("piece", "1", piece - outlines.piece[grain]),
+        *(NamedColumn(name, "m", outlines.corner[:, axis]) for axis, name in enumerate("xy")),
+        NamedColumn("rounding", "m", outlines.rounding[piece]),
+    ]
 
 
 def _write(path: Path, columns: list[NamedColumn]) -> None:

@@ -279,7 +279,8 @@ def export_fclib(
 
     Raises:
         ExportError: If there is no such frame, the step is one in which nothing moves, there is no
-            contact, contacts have adhesion or rolling resistance, or the run is one of a cell.
+            contact, contacts have adhesion or rolling resistance, not all grains are discs, or the
+            run is one of a cell.
         ExportRefused: If the file may not be written.
         StoreError: If the run cannot be read, or the file not be written.
     """
@@ -313,7 +314,8 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
 
     Raises:
         ExportError: If there is no such frame, the step is one in which nothing moves, contacts
-            have adhesion or rolling resistance, or the run is one of a cell.
+            have adhesion or rolling resistance, not all grains are discs, or the run is one of a
+            cell.
         StoreError: If the run cannot be read.
     """
     frame = choose_frame(run, number)
@@ -326,6 +328,11 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
                 f"{run.path}: contacts of this run have {name}, which the format of FCLib does "
                 "not know"
             )
+    if model.outlines is not None:
+        raise ExportError(
+            f"{run.path}: not all grains of this run are discs; contact problems are exported of "
+            "discs alone"
+        )
     if model.is_cell:
         raise ExportError(
             f"{run.path}: contacts of this run are also with images in a cell that is strained, "

@@ -1,12 +1,14 @@
 """GSD files, which OVITO and the HOOMD family read: grains as particles, contacts as bonds.
 
 GSD stores coordinates in single precision, in a box around the origin. What it has no name for is
-logged per particle and per bond, as OVITO expects it (``log/particles/temperature``).
+logged per particle and per bond, as OVITO expects it (``log/particles/temperature``). Grains that
+are no discs have a type for each outline: the format knows shapes of types, which are not scaled.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +20,10 @@ from numpy.typing import NDArray
 from multicor_cli.export.target import ExportRefused, check_output, choose_frames, new_file
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.optional import library
 from multicor_cli.post.lattice import Lattice, lattice_of, velocity_at
+from multicor_cli.post.rings import rings_of
 from multicor_cli.store import Frame, Run, StorageError, schema
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.schema.rows import Column, Reader
@@ -54,7 +58,7 @@ def export_gsd(
         _library_errors(path),
         hoomd.open(str(temporary), "w") as file,
     ):
-        box = _Box.around(run.model, chosen)
+        box, types = _Box.around(run.model, chosen), _Types.of(run.model)
         for number, frame in enumerate(chosen):
             target = hoomd.Frame()
             target.configuration.step = frame.step
@@ -66,7 +70,7 @@ def export_gsd(
             target.log.update({name: np.array([value]) for name, value in logged})
             target.log["box_center"] = box.center
             target.log["contacts_recorded"] = np.array([frame.contacts.recorded], np.uint8)
-            _fill_particles(target, run.model, frame, box)
+            _fill_particles(target, run.model, frame, box, types)
             _fill_bonds(target, frame)
             file.append(target)
             progress(number + 1, len(chosen))
@@ -121,20 +125,62 @@ class _Box:
         return cls(0.5 * (low + high), high - low)
 
 
-def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
+@dataclass(frozen=True)
+class _Types:
+    """Types of particles: names, the type of each grain, and shapes, None if all are discs."""
+
+    names: list[str]
+    number: NDArray[Any]
+    shapes: list[dict[str, Any]] | None = None
+
+    @classmethod
+    def of(cls, model: Model) -> _Types:
+        """The groups, or a type for each different outline in a group."""
+        if model.outlines is None:
+            return cls(list(model.groups), model.grains.group)
+        names, shapes, number = list[str](), list[dict[str, Any]](), list[int]()
+        known: dict[tuple[int, str], int] = {}
+        for group, shape in zip(model.grains.group.tolist(), _shapes(model.outlines), strict=True):
+            key = (group, json.dumps(shape))
+            if key not in known:
+                known[key] = len(names)
+                names.append(f"{model.groups[group]} {len(names)}")
+                shapes.append(shape)
+            number.append(known[key])
+        return cls(names, np.array(number, np.uint32), shapes)
+
+
+def _shapes(outlines: Outlines) -> Iterator[dict[str, Any]]:
+    """What the schema of GSD says of grains: discs, rounded polygons, or lines around them."""
+    is_disc, rings = outlines.is_disc, rings_of(outlines).single()
+    for grain, line in enumerate(rings):
+        (corners, rounding), *others = outlines.pieces(grain)
+        if is_disc[grain]:
+            yield {"type": "Sphere", "diameter": 2.0 * rounding}
+        elif others or len(corners) < 3:
+            yield {"type": "Polygon", "rounding_radius": 0.0, "vertices": line.tolist()}
+        else:
+            yield {"type": "Polygon", "rounding_radius": rounding, "vertices": corners.tolist()}
+
+
+def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box, types: _Types) -> None:
     particles, grains = target.particles, frame.model.grains
     half = 0.5 * frame.angle
     turn = np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
     particles.N = len(half)
-    particles.types = list(model.groups)
-    particles.typeid = grains.group
+    particles.types = types.names
+    particles.typeid = types.number[frame.number]
+    if types.shapes is not None:
+        particles.type_shapes = types.shapes
+        target.log["particles/group"] = grains.group
     position, velocity = frame.position, frame.velocity
     if model.is_cell:
         position = lattice_of(model, frame).wrapped(position)
         velocity = velocity_at(frame, position)
     particles.position = _spatial(position - box.center)
     particles.image = np.column_stack([frame.image, np.zeros((len(half), 2), np.int64)])
-    particles.diameter = 2.0 * grains.radius
+    if types.shapes is None:  # OVITO scales shapes by radii, if there are any
+        particles.diameter = 2.0 * grains.radius
     particles.mass = grains.mass
     particles.moment_inertia = np.column_stack([np.zeros((len(half), 2)), grains.inertia])
     particles.orientation = turn

@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.grain_map import (
     clip_to_cell,
-    draw_discs,
+    draw_grains,
     draw_walls,
     place_scene,
 )
@@ -81,7 +81,7 @@ def draw_network(
     """
     from matplotlib.collections import LineCollection
 
-    draw_discs(axes, network.scene, color="0.93", edgecolors="0.55", linewidths=0.3, zorder=1)
+    draw_grains(axes, network.scene, color="0.93", edgecolors="0.55", linewidths=0.3, zorder=1)
     draw_walls(axes, network.scene)
     if not network.i.size:
         return np.zeros(0)
@@ -96,11 +96,18 @@ def draw_network(
 
 
 def segments(network: ForceNetwork | HeatNetwork) -> tuple[Floats, Any]:
-    """Lines of contacts, with images across sides, shape ``(k, 2, 2)``; and their contacts."""
-    middle, reach = 0.5 * (network.start + network.end), 0.5 * (network.end - network.start)
+    """Lines of contacts, with images across sides, shape ``(k, 2, 2)``; and their contacts.
+
+    They lead from center to center, through the point of contact where grains are no discs.
+    """
+    lines, contact = np.stack([network.start, network.end], axis=1), np.arange(network.i.size)
+    if network.scene.rings is not None:
+        halves = [(network.start, network.touch), (network.touch, network.end)]
+        lines = np.concatenate([np.stack(half, axis=1) for half in halves])
+        contact = np.tile(contact, 2)
+    middle, reach = lines.mean(axis=1), 0.5 * (lines[:, 1] - lines[:, 0])
     which, shift = network.scene.lattice.images(middle, reach)
-    lines = np.stack([network.start, network.end], axis=1)[which]
-    return lines + shift[:, np.newaxis], which
+    return lines[which] + shift[:, np.newaxis], contact[which]
 
 
 def line_widths(

@@ -30,6 +30,7 @@ from multicor_cli.plots.vectors import KEY, draw_arrows, draw_streamlines
 from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map
 from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.quantities import color_range
+from multicor_cli.post.rings import Rings
 from multicor_cli.post.table import Quantity
 from multicor_cli.text import unit_sign
 
@@ -43,6 +44,7 @@ SOLID = "0.7"
 
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
+_FLUSH = 0.1  # width of outlines of more grains that may lie side on side without a gap [points]
 _TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
 # Room beside the axes for their labels, above them for the time [inch]
 _LEFT, _RIGHT, _BOTTOM = 0.64, 0.15, 0.45
@@ -108,18 +110,20 @@ def is_wide(scene: GrainScene) -> bool:
     return bool(across > 1.3 * upwards)
 
 
-def draw_discs(
+def draw_grains(
     axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any
 ) -> Any:
     """Draw the grains, colored by ``value`` or in one color; returns matplotlib's collection."""
-    has_edge = scene.radius.size <= _FEW
-    edge: dict[str, Any] = {"edgecolors": "0.2" if has_edge else "none"}
-    edge["linewidths"] = 0.3 if has_edge else 0.0
+    width = 0.3 if scene.radius.size <= _FEW else 0.0 if scene.rings is None else _FLUSH
+    edge: dict[str, Any] = {"edgecolors": "0.2" if width else "none", "linewidths": width}
     filling = {"facecolors": color} if value is None else {"array": value}
     look = {**edge, **filling, **style}
-    discs = _add_discs(axes, scene.center, scene.radius, scene.lattice, **look)
-    clip_to_cell(axes, scene, discs)
-    return discs
+    if scene.rings is None:
+        drawn = _add_discs(axes, scene.center, scene.radius, scene.lattice, **look)
+    else:
+        drawn = _add_rings(axes, scene, scene.rings, **look)
+    clip_to_cell(axes, scene, drawn)
+    return drawn
 
 
 def clip_to_cell(axes: Any, scene: GrainScene, drawn: Any) -> None:
@@ -161,6 +165,24 @@ def _add_discs(axes: Any, center: Floats, radius: Floats, lattice: Lattice, **st
     discs = EllipseCollection(width, width, np.zeros_like(width), units="xy", **style)
     axes.add_collection(discs)
     return discs
+
+
+def _add_rings(axes: Any, scene: GrainScene, rings: Rings, **style: Any) -> Any:
+    """Grains of any shape and their images, each with a value if ``array`` gives some."""
+    from matplotlib.collections import PathCollection
+    from matplotlib.path import Path
+
+    which, shift = scene.lattice.images(scene.center, scene.radius)
+    if "array" in style:
+        style["array"] = style["array"][which]
+    shown = rings.of_grains(which).placed(shift, np.zeros(which.size))
+    parts: list[list[Any]] = [[] for _ in which]
+    for grain, ring in zip(shown.grain.tolist(), shown, strict=True):
+        parts[grain].append(Path(np.concatenate([ring, ring[:1]]), closed=True))
+    paths = [Path.make_compound_path(*part) if len(part) > 1 else part[0] for part in parts]
+    drawn = PathCollection(paths, **style)
+    axes.add_collection(drawn)
+    return drawn
 
 
 def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
@@ -222,7 +244,7 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
     look: dict[str, Any] = {"cmap": _colors(table), "norm": norm}
     if table.field.scale in ("centered", "logarithmic") or not np.isfinite(table.value).all():
         look |= {"edgecolors": "0.45", "linewidths": 0.2}
-    discs = draw_discs(axes, table.scene, value=table.value, **look)
+    discs = draw_grains(axes, table.scene, value=table.value, **look)
     discs.set_array(table.values_of_images())
     draw_walls(axes, table.scene)
     if table.vector is not None:

@@ -11,7 +11,7 @@ from multicor_cli.plots.forces import SHOWN, line_widths, lines_shown, segments
 from multicor_cli.plots.grain_map import (
     add_color_bar,
     clip_to_cell,
-    draw_discs,
+    draw_grains,
     draw_walls,
     place_scene,
 )
@@ -69,7 +69,7 @@ def draw_network(axes: Any, network: HeatNetwork) -> Any:
     scene, values = network.scene, network.temperature
     norm = Normalize(*color_range(_FIELD, values, values.size))
     look: dict[str, Any] = {"cmap": color_map(_FIELD.colors), "norm": norm, "zorder": 1}
-    discs = draw_discs(axes, scene, value=values, edgecolors="0.55", linewidths=0.3, **look)
+    discs = draw_grains(axes, scene, value=values, edgecolors="0.55", linewidths=0.3, **look)
     draw_walls(axes, scene)
     if network.i.size:
         lines, which = segments(network)

@@ -64,7 +64,8 @@ def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
         is_near = ((at >= low) & (at <= scene.box[1])).all(axis=1)
         at, which = at[is_near], which[is_near]
     column, row = np.clip(((at - low) / step).astype(np.int64), 0, number - 1).T
-    place, area = row * number[0] + column, scene.radius[which] ** 2
+    area = scene.radius**2 if scene.rings is None else scene.rings.area / np.pi
+    place, area = row * number[0] + column, area[which]
     sums = [
         np.bincount(place, area * weight, minlength=int(number.prod()))
         for weight in (1.0, *vector[which].T)

@@ -71,6 +71,14 @@ class LoadedContacts:
         """From the center of j, or where i touches a smooth wall, to that of i [m], ``(c, 2)``."""
         return np.asarray(self.normal * self.reach[:, np.newaxis])
 
+    @cached_property
+    def arm(self) -> Floats:
+        """From the center of i to the point where it touches j [m], shape ``(c, 2)``."""
+        arm = getattr(self.rows, "arm", None)
+        if arm is None:
+            return np.asarray(-self.normal * self.reach_of[self.i][:, np.newaxis])
+        return np.asarray(arm, np.float64)[self.row]
+
     def virial(self, a: int, b: int) -> Floats:
         """Force on i along the axis ``a`` times the branch along ``b`` [N m], shape ``(c,)``.
 

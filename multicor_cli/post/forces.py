@@ -51,6 +51,7 @@ class ForceNetwork(Table):
         normal: Unit normal from j to i, shape ``(c, 2)``.
         start: Center of the grain i [m], shape ``(c, 2)``.
         end: Center of grain j, free or glued, or where i touches a smooth wall [m], ``(c, 2)``.
+        touch: Where i touches j [m], shape ``(c, 2)``.
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         sliding: Whether the contact slides, shape ``(c,)``.
         is_wall: Whether a contact is one of a grain with a wall, shape ``(c,)``.
@@ -79,7 +80,7 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
     loaded, scene = loaded_contacts(chosen, model_of(source, chosen)), make_scene(source, chosen)
     start, sliding = scene.center[loaded.i], np.asarray(chosen.contacts.sliding, np.bool_)
     sliding = sliding[loaded.row]
-    touch = start - loaded.normal * scene.radius[loaded.i][:, np.newaxis]
+    touch = start + loaded.arm
     count, n, with_walls = len(loaded.force), loaded.grain_count, int(loaded.is_wall.sum())
     normal, tangential = loaded.force.T if count else (np.array([np.nan]),) * 2
     summary = {
@@ -104,7 +105,8 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
         ]
     parts = {
         "scene": scene, "normal": loaded.normal, "start": start, "end": start - loaded.branch,
-        "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall, "summary": summary,
+        "touch": touch, "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall,
+        "summary": summary,
     }  # fmt: skip
     return ForceNetwork(
         values_of_quantities([(NUMBERS[name], value) for name, value in summary.items()]),

@@ -12,6 +12,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
+from multicor_cli.post.rings import Rings, rings_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -41,6 +42,7 @@ class GrainScene:
         walls: Outlines of the walls in the world by kind; glued grains lie within the period.
         lattice: Where images are.
         box: Lower left and upper right corner of what is to be seen [m], shape ``(2, 2)``.
+        rings: Lines around the grains, or None if all are discs.
     """
 
     center: Floats
@@ -48,6 +50,7 @@ class GrainScene:
     walls: Sequence[Outline]
     lattice: Lattice
     box: Floats
+    rings: Rings | None = None
 
 
 def make_scene(source: Run, frame: Frame) -> GrainScene:
@@ -76,7 +79,18 @@ def make_scene(source: Run, frame: Frame) -> GrainScene:
         box = _find_box(center, radius, walls)
         if model.period > 0.0:
             box[:, 0] = 0.0, model.period
-    return GrainScene(center, radius, walls, lattice, box)
+    return GrainScene(center, radius, walls, lattice, box, _rings(source, frame, center))
+
+
+def _rings(source: Run, frame: Frame, center: Floats) -> Rings | None:
+    """Lines around the grains of a frame, whose centers are these."""
+    outlines = getattr(frame, "run_model", source.model).outlines
+    if outlines is None:
+        return None
+    rings = rings_of(outlines)
+    if frame.is_open:
+        rings = rings.of_grains(frame.number)
+    return rings.placed(center, np.asarray(frame.angle, np.float64))
 
 
 def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Floats:

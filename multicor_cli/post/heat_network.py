@@ -39,6 +39,7 @@ class HeatNetwork(Table):
         j: Second grain, or wall shape (not below the number of grains), shape ``(c,)``.
         start: Center of the grain i [m], shape ``(c, 2)``.
         end: Center of grain j, free or glued, or where i touches a smooth wall [m], ``(c, 2)``.
+        touch: Where i touches j [m], shape ``(c, 2)``.
         flow: Heat flow into i [W], shape ``(c,)``.
         conductance: H [W/K], shape ``(c,)``.
         is_wall: Whether a contact is one of a grain with a wall, shape ``(c,)``.
@@ -73,13 +74,13 @@ def heat_network(source: Run, frame: int = -1) -> HeatNetwork:
     contacts = flows.contacts
     start = scene.center[contacts.i]
     conductance = need_heat(chosen.contacts.conductance)[contacts.row]
-    touch = start - contacts.normal * scene.radius[contacts.i][:, np.newaxis]
+    touch = start + contacts.arm
     columns = [Column("i", "", contacts.i), Column("j", "", contacts.j)]
     columns += [Column(f"touch_{k}", "m", touch[:, a], k) for a, k in enumerate("xy")]
     columns += [Column("conductance", "W/K", conductance), Column("flow", "W", flows.flow)]
     summary = _numbers(flows, model)
     parts = {
-        "scene": scene, "start": start, "end": start - contacts.branch,
+        "scene": scene, "start": start, "end": start - contacts.branch, "touch": touch,
         "is_wall": contacts.is_wall, "temperature": need_heat(chosen.temperature),
         "summary": summary,
     }  # fmt: skip

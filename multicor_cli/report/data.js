@@ -3,7 +3,7 @@
 /*
  * The numbers in this page.
  *
- * The element "meta" holds JSON; the elements "radii" and "frame-K" hold base64 of deflated arrays of unsigned
+ * The element "meta" holds JSON; the elements "radii", "looks" and "frame-K" hold base64 of deflated arrays of unsigned
  * integers: of each array first the lowest bytes of all its numbers, then the next ones. An integer q of a quantity stands for
  * low + (high - low) f(q / largest); q > largest: not known. With the spacing "even" f(s) = s, with "square" s², and with
  * "signed" (1 + t |t|) / 2 of t = 2s − 1.
@@ -58,12 +58,24 @@ function resolution(name, value) {
   return (range * (slope + 2 / largest)) / largest;
 }
 
-/** Contacts of a frame: first grains, second ends, forces. */
+/** Contacts of a frame: first grains, second ends, forces, and ways to where they touch if not all grains are discs. */
 function decodeContacts(arrays) {
-  if (!arrays.contact_step) return { first: [], end: [], force: [], known: arrays.contactsKnown };
+  if (!arrays.contact_step) return { first: [], end: [], force: [], arm: null, known: arrays.contactsKnown };
   const first = Uint32Array.from(arrays.contact_step);
   for (let k = 1; k < first.length; k++) first[k] += first[k - 1];
-  return { first, end: arrays.contact_end, force: decode("contact", arrays.contact_force), known: true };
+  const arm = arrays.contact_arm_x ? [decode("arm", arrays.contact_arm_x), decode("arm", arrays.contact_arm_y)] : null;
+  return { first, end: arrays.contact_end, force: decode("contact", arrays.contact_force), arm, known: true };
+}
+
+/** Arrays of a packed element, by name. */
+async function unpackArrays(id, layout) {
+  const bytes = await unpack(id), arrays = {};
+  let offset = 0;
+  for (const [name, width, count] of layout) {
+    arrays[name] = joinPlanes(bytes, offset, width, count);
+    offset += width * count;
+  }
+  return arrays;
 }
 
 const loaded = new Map(); // by number, the one used last at the end
@@ -80,22 +92,36 @@ function loadFrame(number) {
 
 async function unpackFrame(number) {
   const about = meta.frames[number];
-  const bytes = await unpack(`frame-${number}`);
-  const arrays = { contactsKnown: about.contactCount !== null };
-  let offset = 0;
-  for (const [name, width, count] of about.arrays) {
-    arrays[name] = joinPlanes(bytes, offset, width, count);
-    offset += width * count;
-  }
+  const arrays = { contactsKnown: about.contactCount !== null, ...(await unpackArrays(`frame-${number}`, about.arrays)) };
   const values = {};
   for (const field of meta.fields) {
     if (arrays[field.name]) values[field.name] = decode(field.name, arrays[field.name]);
   }
-  return { number, about, x: decode("x", arrays.x), y: decode("y", arrays.y), values, contacts: decodeContacts(arrays) };
+  const [x, y, angle] = ["x", "y", "angle"].map((name) => (arrays[name] ? decode(name, arrays[name]) : null));
+  return { number, about, x, y, angle, values, contacts: decodeContacts(arrays) };
 }
 
 /** Radii of the grains. */
 async function loadRadii() {
   const codes = joinPlanes(await unpack("radii"), 0, 4, meta.grains);
   return new Float32Array(codes.buffer);
+}
+
+/** Of each grain the rings around it, as x, y, x, y … in its radii; null for discs. */
+async function loadLooks() {
+  if (!meta.looks) return Array(meta.grains).fill(null);
+  const { look, rings, points, x, y } = await unpackArrays("looks", meta.looks);
+  const [right, up] = [decode("look", x), decode("look", y)];
+  let ring = 0, point = 0;
+  const looks = [null];
+  for (const count of rings) {
+    looks.push(
+      Array.from({ length: count }, () => {
+        const line = new Float32Array(2 * points[ring++]);
+        for (let k = 0; k < line.length; k += 2) [line[k], line[k + 1]] = [right[point], up[point++]];
+        return line;
+      }),
+    );
+  }
+  return Array.from(look, (number) => looks[number]);
 }

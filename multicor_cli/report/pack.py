@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.post import QUANTITIES, GrainQuantity, PostError
 from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.lattice import velocity_at
 from multicor_cli.post.quantities import color_range
+from multicor_cli.post.rings import rings_of
 from multicor_cli.store import Run
 from multicor_cli.store.frames import Frame
 from multicor_cli.store.layout import Progress, no_progress
@@ -141,6 +143,7 @@ class ContactsView:
         j: Second grain; −1: a wall, shape ``(c,)``.
         angle: Direction from the first grain to the contact [rad], −π … π, shape ``(c,)``.
         force: Normal force without sign [N], shape ``(c,)``.
+        arm: From the first grain to where it touches [m], ``(c, 2)``; None if all are discs.
     """
 
     total: int
@@ -148,13 +151,15 @@ class ContactsView:
     j: NDArray[np.int64]
     angle: Singles
     force: Singles
+    arm: Singles | None = None
 
     def strongest(self, count: int) -> ContactsView:
         if count >= self.i.size:
             return self
         kept = np.sort(np.argpartition(-self.force, count)[:count])
         i, j, angle, force = self.i[kept], self.j[kept], self.angle[kept], self.force[kept]
-        return ContactsView(self.total, i, j, angle, force)
+        arm = None if self.arm is None else self.arm[kept]
+        return ContactsView(self.total, i, j, angle, force, arm)
 
 
 @dataclass(frozen=True)
@@ -169,6 +174,7 @@ class FrameView:
         walls: Displacement [m] and angle [rad] of the walls, shape ``(w, 3)``; of a cell width,
             height and tilt [m].
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
+        angle: Angles of the grains [rad], −π … π, shape ``(n,)``; None if all are discs.
     """
 
     index: int
@@ -177,6 +183,7 @@ class FrameView:
     contacts: ContactsView | None
     walls: Floats
     box: Floats
+    angle: Singles | None = None
 
 
 def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
@@ -200,7 +207,10 @@ def view_of(run: Run, index: int) -> FrameView:
             # Temperatures may differ by millikelvins only, which single precision does not resolve.
             values[field.name] = np.asarray(found, np.float64 if field.unit == "K" else np.float32)
     walls = np.array(frame.wall_position, np.float64)
-    center = scene.center.astype(np.float32)
+    center, angle = scene.center.astype(np.float32), None
+    if scene.rings is not None:
+        turned = np.asarray(frame.angle, np.float64)
+        angle = (turned - 2.0 * np.pi * np.rint(turned / (2.0 * np.pi))).astype(np.float32)
     if frame.is_open:
 
         def of_all(here: NDArray[Any]) -> NDArray[Any]:
@@ -210,7 +220,8 @@ def view_of(run: Run, index: int) -> FrameView:
             return found
 
         center, values = of_all(center), {name: of_all(here) for name, here in values.items()}
-    return FrameView(index, center, values, _contacts(frame), walls, scene.box)
+        angle = None if angle is None else of_all(angle)
+    return FrameView(index, center, values, _contacts(frame), walls, scene.box, angle)
 
 
 def _contacts(frame: Frame) -> ContactsView | None:
@@ -221,7 +232,54 @@ def _contacts(frame: Frame) -> ContactsView | None:
     i = frame.number[contacts.i]
     j[~contacts.is_wall] = frame.number[j[~contacts.is_wall]]
     angle = np.arctan2(-normal[:, 1], -normal[:, 0]).astype(np.float32)
-    return ContactsView(i.size, i, j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))
+    force = np.abs(contacts.force[:, 0]).astype(np.float32)
+    arm = None if frame.model.outlines is None else contacts.arm.astype(np.float32)
+    return ContactsView(i.size, i, j, angle, force, arm)
+
+
+# ---- What grains look like, once for those that are alike but for their size
+
+_SHARES = Code(-1.01, 1.01, 2)
+"""Of the points of lines around grains, in radii of the grains; those around arcs lie outside."""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """Lines around grains that are no discs.
+
+    Attributes:
+        data: What each grain looks like (0: a disc, else a number from 1), how many rings each look
+            has, how many points each ring, and these in `_SHARES`, x and y.
+        arrays: As those of `Chunk`.
+    """
+
+    data: bytes
+    arrays: list[tuple[str, int, int]]
+
+
+def looks_of(outlines: Outlines) -> Looks:
+    """The looks of grains."""
+    rings, is_disc, radius = rings_of(outlines), outlines.is_disc, outlines.radius
+    known: dict[tuple[bytes, ...], int] = {}
+    look = np.zeros(radius.size, "<u4")
+    counts, shapes = list[int](), list[NDArray[Any]]()
+    parts: list[list[NDArray[Any]]] = [[] for _ in radius]
+    for grain, ring in zip(rings.grain.tolist(), rings, strict=True):
+        parts[grain].append(_SHARES.encode(ring / radius[grain]))
+    for grain in np.flatnonzero(~is_disc).tolist():
+        key = tuple(ring.tobytes() for ring in parts[grain])
+        if key not in known:
+            known[key] = len(known) + 1
+            counts.append(len(key))
+            shapes += parts[grain]
+        look[grain] = known[key]
+    points = np.concatenate(shapes) if shapes else np.zeros((0, 2), "<u2")
+    arrays = {
+        "look": look, "rings": np.array(counts, "<u4"),
+        "points": np.array([len(ring) for ring in shapes], "<u4"),
+        **{name: np.ascontiguousarray(points[:, axis]) for axis, name in enumerate("xy")},
+    }  # fmt: skip
+    return Looks(compress(list(arrays.values())), _layout(arrays))
 
 
 # ---- Frames as bytes
@@ -229,6 +287,7 @@ def _contacts(frame: Frame) -> ContactsView | None:
 _CONTACT_SHARE = 0.25  # of the bytes of a frame may belong to contacts if not everything fits
 _SAFETY = 1.03  # frames may be this much larger than the one that was tried
 _ABSURD = 1e38  # single precision ends there
+_LOOKS_SHARE = 0.5  # of all bytes may belong to lines around grains; else they are circles
 _ANGLES = 1024  # directions that the contact with a wall can have
 
 
@@ -262,6 +321,7 @@ class Packed:
         walls: Displacement and angle of the walls, shape ``(frames, w, 3)``.
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
         radii: Radii of the grains, compressed float32.
+        looks: What they look like; None if all are discs, or have to be shown as such.
         frame_count: Frames of the run.
         contact_limit: Most contacts that a frame may have here; None: no limit.
     """
@@ -274,13 +334,15 @@ class Packed:
     walls: Floats
     box: Floats
     radii: bytes
+    looks: Looks | None
     frame_count: int
     contact_limit: int | None
 
     @property
     def size(self) -> int:
         """Bytes of the packed frames."""
-        return sum(len(chunk.data) for chunk in self.chunks) + len(self.radii)
+        looks = 0 if self.looks is None else len(self.looks.data)
+        return sum(len(chunk.data) for chunk in self.chunks) + len(self.radii) + looks
 
     def thinned(self, wanted: int) -> Packed:
         kept = thin_frames(len(self.chunks), wanted)
@@ -320,6 +382,10 @@ def pack_frames(
         views.append(view)
         progress(number + 1, chosen.size)
     codes = _make_codes(views, run, plan.width)
+    outlines = run.model.outlines
+    looks = None if outlines is None else looks_of(outlines)
+    if looks is not None and len(looks.data) > _LOOKS_SHARE * budget:
+        looks = None
     packing = Packed(
         chunks=tuple(_pack(view, codes, run.model.grain_count) for view in views),
         fields=tuple(
@@ -331,6 +397,7 @@ def pack_frames(
         walls=np.array([view.walls for view in views]),
         box=_join_boxes([view.box for view in views], codes),
         radii=compress([run.model.grains.radius.astype("<f4").view("<u4")]),
+        looks=looks,
         frame_count=count,
         contact_limit=plan.contacts,
     )
@@ -374,6 +441,10 @@ def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, C
         codes[field.name] = Code(*ends, width, SPACINGS[field.name])
     contacts = [view.contacts.force for view in views if view.contacts is not None]
     codes["contact"] = Code(0.0, _ends(contacts)[1], width, "square")
+    if run.model.outlines is not None:
+        farthest = float(run.model.grains.radius.max())
+        codes |= {"angle": Code(-np.pi, np.pi, 2), "arm": Code(-farthest, farthest, 2)}
+        codes["look"] = _SHARES
     return codes
 
 
@@ -398,6 +469,8 @@ def _mean_force(views: Sequence[FrameView]) -> float:
 def _pack(view: FrameView, codes: dict[str, Code], grains: int) -> Chunk:
     arrays = {"x": codes["x"].encode(view.center[:, 0]), "y": codes["y"].encode(view.center[:, 1])}
     arrays |= {name: codes[name].encode(values) for name, values in view.values.items()}
+    if view.angle is not None:
+        arrays["angle"] = codes["angle"].encode(view.angle)
     contacts = view.contacts
     if contacts is not None:
         # First grains as steps between contacts; second ones, or grains plus a wall direction
@@ -406,9 +479,16 @@ def _pack(view: FrameView, codes: dict[str, Code], grains: int) -> Chunk:
         arrays["contact_step"] = np.diff(contacts.i, prepend=0).astype("<u4")
         arrays["contact_end"] = end.astype("<u4")
         arrays["contact_force"] = codes["contact"].encode(contacts.force)
-    layout = [(name, array.dtype.itemsize, array.size) for name, array in arrays.items()]
+        if contacts.arm is not None:
+            for axis, name in enumerate("xy"):
+                arrays[f"contact_arm_{name}"] = codes["arm"].encode(contacts.arm[:, axis])
     data, box = compress(list(arrays.values())), _join_boxes([view.box], codes)
-    return Chunk(view.index, data, layout, None if contacts is None else contacts.total, box)
+    total = None if contacts is None else contacts.total
+    return Chunk(view.index, data, _layout(arrays), total, box)
+
+
+def _layout(arrays: dict[str, NDArray[Any]]) -> list[tuple[str, int, int]]:
+    return [(name, array.dtype.itemsize, array.size) for name, array in arrays.items()]
 
 
 def _color_ranges(

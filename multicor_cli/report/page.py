@@ -65,6 +65,7 @@ def make_page(
     scenario = scenario if isinstance(scenario, dict) else {}
     name = _shorten(str(scenario.get("name") or run.path.resolve().name))
     program = "\n" + "\n".join(_file(script) for script in _SCRIPTS)
+    looks = packing.looks
     made = f"Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}."
     body = [
         header(
@@ -86,6 +87,7 @@ def make_page(
         f"<footer><p>{made}</p></footer>",
         _data("meta", "application/json", _json(_meta(run, packing))),
         _data("radii", "text/plain", _base64(packing.radii)),
+        *(() if looks is None else (_data("looks", "text/plain", _base64(looks.data)),)),
         *(
             _data(f"frame-{k}", "text/plain", _base64(chunk.data))
             for k, chunk in enumerate(packing.chunks)
@@ -141,6 +143,8 @@ def _note(packing: Packed) -> str:
         (c.contact_count or 0) > packing.contact_limit for c in packing.chunks
     ):
         frames += f", with the {packing.contact_limit:,} strongest contacts of each"
+    if "look" in packing.codes and packing.looks is None:
+        frames += ". Grains are circles here: their outlines would not leave room for the frames"
     step = max(
         (code.high - code.low) * code.resolution
         for code in (packing.codes["x"], packing.codes["y"])
@@ -238,6 +242,7 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
         "meanForce": packing.mean_force,
         "box": packing.box.tolist(),
         "frameCount": packing.frame_count,
+        "looks": None if packing.looks is None else packing.looks.arrays,
         "codes": {
             name: {n: getattr(code, n) for n in ("low", "high", "largest", "spacing")}
             for name, code in packing.codes.items()

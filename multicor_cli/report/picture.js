@@ -63,11 +63,13 @@ function placing([dx, dy, angle]) {
 
 class Picture {
   /** @param {HTMLCanvasElement} canvas where to draw
-   *  @param {Float32Array} radii radii of the grains [m] */
-  constructor(canvas, radii) {
+   *  @param {Float32Array} radii radii of the grains [m]
+   *  @param {Array} looks rings around each grain, null for discs */
+  constructor(canvas, radii, looks) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.radii = radii;
+    this.looks = looks;
     this.largest = radii.reduce((a, b) => Math.max(a, b), 0);
     this.mean = radii.reduce((a, b) => a + b, 0) / Math.max(radii.length, 1);
     this.fit();
@@ -266,11 +268,11 @@ class Picture {
     }
     buckets.forEach((bucket, number) => {
       const color = { 0: this.ink("--unknown"), [NONE + 1]: this.ink("--paper") }[number] || show.colors[number - 1];
-      if (bucket.length) this.fillDiscs(bucket, color);
+      if (bucket.length) this.fillGrains(frame, bucket, color);
     });
   }
 
-  fillDiscs(bucket, color) {
+  fillGrains(frame, bucket, color) {
     const context = this.context, isSmall = this.largest * this.scale < 1.5, least = (LEAST * this.pixels) / this.scale;
     context.fillStyle = color;
     if (!isSmall) context.beginPath();
@@ -279,8 +281,7 @@ class Picture {
       if (isSmall) {
         context.fillRect(at - a, high - a, 2 * a, 2 * a);
       } else {
-        context.moveTo(at + a, high);
-        context.arc(at, high, a, 0, 2 * Math.PI);
+        this.trace(frame, bucket[k], at, high, a);
       }
     }
     if (isSmall) return;
@@ -290,6 +291,31 @@ class Picture {
       context.lineWidth = 0.6 * this.pixels / this.scale;
       context.stroke();
     }
+  }
+
+  /** Add the outline of a grain of a radius at a place to the path. */
+  trace(frame, grain, x, y, radius) {
+    const context = this.context;
+    if (!this.looks[grain]) {
+      context.moveTo(x + radius, y);
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      return;
+    }
+    const c = radius * Math.cos(frame.angle[grain]), s = radius * Math.sin(frame.angle[grain]);
+    for (const ring of this.looks[grain]) {
+      context.moveTo(x + c * ring[0] - s * ring[1], y + s * ring[0] + c * ring[1]);
+      for (let k = 2; k < ring.length; k += 2) context.lineTo(x + c * ring[k] - s * ring[k + 1], y + s * ring[k] + c * ring[k + 1]);
+      context.closePath();
+    }
+  }
+
+  /** Whether a grain covers the point that lies so far from its center. */
+  covers(frame, grain, dx, dy) {
+    const context = this.context, size = 1000 / this.radii[grain];
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.beginPath();
+    this.trace(frame, grain, 0, 0, 1000);
+    return context.isPointInPath(dx * size, dy * size);
   }
 
   drawWalls(poses) {
@@ -348,7 +374,7 @@ class Picture {
 
   /** A line for every contact, its width proportional to its force, up to a largest force. */
   drawContacts(frame, force) {
-    const { first, end, force: forces } = frame.contacts, context = this.context;
+    const { first, force: forces } = frame.contacts, context = this.context;
     const widest = 0.9 * this.mean, pixel = this.pixels / this.scale;
     const groups = new Map();
     for (let k = 0; k < first.length; k++) {
@@ -367,21 +393,31 @@ class Picture {
         if (isFine && width < 0.25 * pixel) continue; // too weak to be seen
         context.lineWidth = Math.max(width, 0.4 * pixel) + rim;
         context.beginPath();
-        for (const k of members) this.addContact(frame, first[k], end[k]);
+        for (const k of members) this.addContact(frame, k);
         context.stroke();
       }
     }
   }
 
-  addContact(frame, i, end) {
-    const x = frame.x[i], y = frame.y[i];
-    let dx, dy;
-    if (end < meta.grains) {
-      [dx, dy] = this.shortest(frame.x[end] - x, frame.y[end] - y);
+  /** From center to center, through the point of contact where not all grains are discs; with a wall only to that point. */
+  addContact(frame, k) {
+    const { first, end: ends, arm } = frame.contacts, i = first[k], end = ends[k];
+    const x = frame.x[i], y = frame.y[i], isWall = end >= meta.grains;
+    const angle = ((end - meta.grains) / 1024) * 2 * Math.PI;
+    const [dx, dy] = isWall
+      ? [this.radii[i] * Math.cos(angle), this.radii[i] * Math.sin(angle)]
+      : this.shortest(frame.x[end] - x, frame.y[end] - y);
+    if (arm) {
+      const [ax, ay] = [arm[0][k], arm[1][k]];
+      this.addLine(x, y, ax, ay);
+      if (!isWall) this.addLine(x + ax, y + ay, dx - ax, dy - ay);
     } else {
-      const angle = ((end - meta.grains) / 1024) * 2 * Math.PI;
-      [dx, dy] = [this.radii[i] * Math.cos(angle), this.radii[i] * Math.sin(angle)];
+      this.addLine(x, y, dx, dy);
     }
+  }
+
+  /** A line so far from a point, with its images. */
+  addLine(x, y, dx, dy) {
     const [, height, tilt] = this.sides, across = Math.abs(height > 0 ? dx - (tilt / height) * dy : dx) / 2;
     this.withImagesOf(x + dx / 2, y + dy / 2, across, Math.abs(dy) / 2, (middle, high) => {
       this.context.moveTo(middle - dx / 2, high - dy / 2);
@@ -393,10 +429,15 @@ class Picture {
     if (!(grain >= 0 && grain < meta.grains)) return;
     const context = this.context;
     const a = Math.max(this.radii[grain], 4 * this.pixels / this.scale);
+    const outline = (at, high) => {
+      context.beginPath();
+      this.trace(frame, grain, at, high, a);
+      context.stroke();
+    };
     for (const [color, width] of [[this.ink("--paper"), 5], [this.ink("--accent"), 2.5]]) {
       context.strokeStyle = color;
       context.lineWidth = width * this.pixels / this.scale;
-      this.withImages(frame.x[grain], frame.y[grain], a, (at, high) => this.strokeCircle([at, high], a));
+      this.withImages(frame.x[grain], frame.y[grain], a, outline);
     }
   }
 
@@ -407,7 +448,8 @@ class Picture {
     let found = -1, best = Infinity;
     this.sides = sidesOf(frame);
     for (let k = 0; k < frame.x.length; k++) {
-      const distance = Math.hypot(...this.shortest(px - frame.x[k], py - frame.y[k])) - this.radii[k];
+      const way = this.shortest(px - frame.x[k], py - frame.y[k]), distance = Math.hypot(...way) - this.radii[k];
+      if (distance < 0 && this.radii[k] > slack && !this.covers(frame, k, ...way)) continue;
       if (distance < Math.min(best, Math.max(0, slack - this.radii[k]))) [found, best] = [k, distance];
     }
     return found;

@@ -78,8 +78,10 @@ function valuesOf(grain) {
   const { frame, picture } = state;
   const rows = [["grain", String(grain)]];
   if (meta.group.length) rows.push(["group", meta.groups[meta.group[grain]]]);
-  rows.push(["radius", `${format(picture.radii[grain])} m`]);
+  const isDisc = !picture.looks[grain];
+  rows.push([isDisc ? "radius" : "reach from the center", `${format(picture.radii[grain])} m`]);
   rows.push(["x, y", `${formatKnown("x", frame.x[grain], 6)}, ${formatKnown("y", frame.y[grain], 6)} m`]);
+  if (!isDisc) rows.push(["angle", `${formatKnown("angle", frame.angle[grain], 4)} rad`]);
   for (const field of meta.fields) {
     const values = frame.values[field.name];
     const digits = field.unit === "K" ? 9 : 4;
@@ -356,7 +358,7 @@ function listen() {
 async function start() {
   $("theme").addEventListener("click", toggleTheme);
   try {
-    state.picture = new Picture($("canvas"), await loadRadii());
+    state.picture = new Picture($("canvas"), await loadRadii(), await loadLooks());
     $("scrub").max = meta.frames.length - 1;
     $("grain").max = meta.grains - 1;
     for (const id of ["play", "back", "next", "scrub"]) $(id).disabled = meta.frames.length === 1;

@@ -201,7 +201,7 @@ class GrainFacts:
     """What grains are that does not change; every array has shape ``(n,)``.
 
     Attributes:
-        radius: Radius a [m].
+        radius: Radius a [m]; of a grain that is no disc, how far it reaches from its center.
         mass: Mass m [kg].
         inertia: Moment of inertia about the center [kg m²].
         material: Name of the material.
@@ -254,13 +254,16 @@ def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
 
 
 def grain_columns(frame: Frame) -> list[NamedColumn]:
-    """The present grains: number, group, material, radius, mass, and what the frame holds."""
+    """The present grains: number, group, material, radius (area if not all are discs), mass, and
+    what the frame holds.
+    """
     grains, model = frame.model.grains, frame.run_model
     return [
         NamedColumn("grain", "1", frame.number),
         NamedColumn("group", "1", [model.groups[k] for k in grains.group]),
         NamedColumn("material", "1", [model.materials[k] for k in grains.material]),
         NamedColumn("radius", "m", grains.radius),
+        *([] if model.outlines is None else [NamedColumn("area", "m2", frame.model.area)]),
         NamedColumn("mass", "kg", grains.mass),
         *(c for c in stored_columns(frame, schema.PARTICLES, frame.number) if c.name != "radius"),
     ]

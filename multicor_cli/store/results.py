@@ -161,6 +161,9 @@ def _read(file: CheckedFile, spec: schema.Dataset) -> Any:
     return values
 
 
+_SLACK = 1e-9  # of the radius of a grain, by which its outline may reach beyond it
+
+
 def _check_model(model: Model, path: Path) -> None:
     grains, shapes, laws = model.grains, model.shapes, model.laws
     materials, start = len(model.materials), laws.table_start
@@ -187,7 +190,11 @@ def _check_model(model: Model, path: Path) -> None:
         ),
     }
     if model.outlines is not None:
-        is_right["model/outlines"] = np.array([model.outlines.fit(model.grain_count)])
+        fits = model.outlines.fit(model.grain_count)
+        # Neighbors are sought within radii
+        reach = model.outlines.radius if fits else grains.radius
+        is_right["model/outlines"] = np.array([fits])
+        is_right["model/outlines/corner"] = np.abs(reach - grains.radius) <= _SLACK * grains.radius
     for name, found in is_right.items():
         if not found.all():
             raise DamagedRun(f"{path}: {name} holds values out of range")
@@ -249,7 +256,7 @@ def write_results(
 
     size = sum(values.nbytes for values in constant.values()) + 16 * (rows["frame"] + 1)
     size += sum(math.prod(shapes[s]) * dtype_of(s, precision).itemsize for s in shapes)
-    view = estimate_view(rows["frame"], rows["contact_row"])
+    view = estimate_view(rows["frame"], rows["contact_row"], model)
     digests = write_hdf5(
         path,
         "results",

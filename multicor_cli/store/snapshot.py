@@ -43,9 +43,9 @@ class Snapshot:
         """The contacts; none if they are not recorded."""
         return ContactTable.empty() if self.contacts is None else self.contacts
 
-    def of_contacts(self, values: Floats | None) -> Floats:
-        """Values of the contacts; 0 where the engine had none."""
-        return np.zeros(self.table.i.size) if values is None else values
+    def of_contacts(self, values: Floats | None, columns: tuple[int, ...]) -> Floats:
+        """Values of the contacts in so many columns; 0 where the engine had none."""
+        return np.zeros((self.table.i.size, *columns)) if values is None else values
 
     @cached_property
     def numbers(self) -> dict[str, dict[str, float]]:

@@ -2,11 +2,12 @@
 
 Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a
 wall, or one across the period, has no second grain next to it; its line ends in a point of its own,
-appended to the grains of the step. These few points, and which points the lines join, are all that
-is stored here. Everything else is a link, or a virtual dataset that maps the rows of grains and
-contacts to where VTK expects them and gives the appended points a fill value. There is equal room
-for the points of every step, of which a step uses as much as it needs: then one mapping does for
-all steps.
+appended to the grains of the step. Where not all grains are discs, lines lead from center to center
+through the point of contact, which is appended too. These points, and which points the lines join,
+are all that is stored here. Everything else is a link, or a virtual dataset that maps the rows of
+grains and contacts to where VTK expects them and gives the appended points a fill value. There is
+equal room for the points of every step, of which a step uses as much as it needs: then one mapping
+does for all steps.
 
 A step without contacts gets one line from grain 0 to itself: several versions of VTK misread the
 step after one without cells.
@@ -89,7 +90,7 @@ class LineBlock(NamedTuple):
     """The contacts of consecutive frames as lines.
 
     Attributes:
-        joined: Points at both ends of every line, counted from 0 in each frame.
+        joined: Points that every line joins, counted from 0 in each frame.
         end_counts: Appended points of each frame.
         ends: These points [m], in the order of the contacts.
     """
@@ -97,6 +98,11 @@ class LineBlock(NamedTuple):
     joined: Indices
     end_counts: Indices
     ends: NDArray[np.float64]
+
+
+def points_per_line(model: Model) -> int:
+    """Points that every line joins."""
+    return 2 if model.outlines is None else 3
 
 
 def read_lines(
@@ -108,6 +114,15 @@ def read_lines(
     frame = np.repeat(np.arange(stop - start), counts)
     i, j = (file[f"contacts/{name}"][first:last].astype(np.int64) for name in "ij")
     position = file["particles/position"][start * n : stop * n].astype(np.float64)
+    row = _starts(lines)[frame] + ranges(counts)
+    joined = np.zeros((int(lines.sum()), points_per_line(model)), np.int64)
+    if model.outlines is not None:
+        arm = file["contacts/arm"][first:last].astype(np.float64)
+        sides = file["walls/position"][start:stop, 0][frame] if model.is_cell else None
+        joined[row], found, ends = _bent_lines(model, i, j, frame, position, arm, sides)
+        return LineBlock(
+            joined.ravel(), np.bincount(frame, found, len(counts)).astype(np.int64), ends
+        )
     is_wall = j >= n
     partner = np.where(is_wall, i, j)
     center = position[frame * n + i]
@@ -125,9 +140,47 @@ def read_lines(
     ends[:, :2] -= reach[is_open]
     end_counts = np.bincount(frame[is_open], minlength=len(counts)).astype(np.int64)
     j[is_open] = n + ranges(end_counts)
-    joined = np.zeros((int(lines.sum()), 2), np.int64)
-    joined[_starts(lines)[frame] + ranges(counts)] = np.column_stack([i, j])
+    joined[row] = np.column_stack([i, j])
     return LineBlock(joined.ravel(), end_counts, ends)
+
+
+def _bent_lines(
+    model: Model,
+    i: Indices,
+    j: Indices,
+    frame: Indices,
+    position: NDArray[np.float64],
+    arm: NDArray[np.float64],
+    sides: NDArray[np.float64] | None,
+) -> tuple[Indices, Indices, NDArray[np.float64]]:
+    """Lines through points of contact: which three points each joins, how many are appended for it,
+    and these.
+
+    The second point is where grains touch, and the third the center of j, or that of its image.
+    With a wall, they are half-way to where the grain touches it, and there.
+    """
+    n = model.grain_count
+    is_wall = j >= n
+    center, other = (position[frame * n + np.where(is_wall, i, k)] for k in (i, j))
+    image = other.copy()
+    if sides is not None:
+        width, height, tilt = sides.T
+        up = np.rint((other - center)[:, 1] / height)
+        image[:, :2] -= np.column_stack([up * tilt, up * height])
+        image[:, 0] -= width * np.rint((image - center)[:, 0] / width)
+    elif model.period > 0.0:
+        image[:, 0] -= model.period * np.rint((image - center)[:, 0] / model.period)
+    touch = center.copy()
+    touch[:, :2] += arm
+    is_open = is_wall | (image != other).any(axis=1)
+    count = 1 + is_open.astype(np.int64)
+    first = _starts(count)
+    ends = np.zeros((len(count) + int(np.count_nonzero(is_open)), position.shape[1]))
+    ends[first] = np.where(is_wall[:, np.newaxis], 0.5 * (center + touch), touch)
+    ends[first[is_open] + 1] = np.where(is_wall[:, np.newaxis], touch, image)[is_open]
+    begins = np.flatnonzero(np.diff(frame, prepend=-1))  # of frames with contacts
+    number = n + first - np.repeat(first[begins], np.diff(begins, append=len(frame)))
+    return np.column_stack([i, number, np.where(is_open, number + 1, j)]), count, ends
 
 
 # ---- The view
@@ -143,8 +196,8 @@ NO_CONTACT = 255
 
 _VERSION = (2, 0)
 _MAPPING_BYTES = 320
-_TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
-_LINES = _TOPOLOGIES.index("Lines")
+TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
+_LINES = TOPOLOGIES.index("Lines")
 
 _POINT_FIELDS, _CONTACT_FIELDS, _STEP_FIELDS = (
     [row for row in table if "vtk" in row.exports]
@@ -167,9 +220,13 @@ _STORED = (
 
 @dataclass(frozen=True)
 class _Layout:
-    """Grains n of any frame, contacts and appended points of each frame, shape ``(K,)``."""
+    """Grains n of any frame, contacts and appended points of each frame, shape ``(K,)``.
+
+    Lines join ``per_line`` points each.
+    """
 
     grains: int
+    per_line: int
     contacts: Indices
     ends: Indices
 
@@ -183,26 +240,21 @@ class _Layout:
         return np.maximum(self.contacts, 1)
 
 
-def estimate_view(frames: int, contact_rows: int) -> int:
+def estimate_view(frames: int, contact_rows: int, model: Model) -> int:
     """Upper bound of the size of the view [bytes]."""
     lines, cells = contact_rows + frames, sum(len(_cells(row)) for row in _CONTACT_FIELDS)
-    return 24 * lines + 24 * contact_rows + frames * (_MAPPING_BYTES * cells + 512) + (256 << 10)
+    per_line = points_per_line(model)
+    joined = 8 * (per_line + 1) * lines + 24 * (per_line - 1) * contact_rows
+    return joined + frames * (_MAPPING_BYTES * cells + 512) + (256 << 10)
 
 
 def write_view(file: h5py.File, model: Model) -> None:
     """Add the view to an open ``results.h5`` whose datasets are complete, if it has frames."""
     if not len(file["steps/time"]):
         return
-    root = file.create_group(GROUP)
-    root.attrs["Version"] = np.array(_VERSION, np.int64)
-    root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len(b"PolyData")))
+    root = begin_view(file)
     rows = _write_lines(file, root, model)
-    # The kinds of cells that are not used: VTK wants them to be there.
-    root["Vertices/NumberOfCells"] = np.zeros(len(rows.ends), np.int64)
-    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
-    for count in ("NumberOfConnectivityIds", "Offsets"):
-        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
-    root["Polygons"] = root["Strips"] = root["Vertices"]
+    write_no_cells(root, len(rows.ends), "Polygons")
     root["NumberOfPoints"] = rows.grains + rows.ends
     steps = _write_steps(file, root, rows)
     _write_points(file, root, steps, rows)
@@ -218,6 +270,23 @@ def write_view(file: h5py.File, model: Model) -> None:
         if row.name != "step":
             steps[f"FieldDataSizes/{row.name}"] = steps["FieldDataSizes/step"]
     write_text(root, "blake2b", _digest(file))
+
+
+def begin_view(file: h5py.File) -> h5py.Group:
+    """The group of a view that has nothing yet."""
+    root = file.create_group(GROUP)
+    root.attrs["Version"] = np.array(_VERSION, np.int64)
+    root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len(b"PolyData")))
+    return root
+
+
+def write_no_cells(root: h5py.Group, parts: int, kind: str) -> None:
+    """Vertices, strips and cells of another ``kind`` that are not used: VTK wants them there."""
+    root["Vertices/NumberOfCells"] = np.zeros(parts, np.int64)
+    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
+    for count in ("NumberOfConnectivityIds", "Offsets"):
+        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
+    root[kind] = root["Strips"] = root["Vertices"]
 
 
 def check_view(path: Path) -> None:
@@ -261,7 +330,7 @@ def link_view(directory: Path) -> None:
 
 def _write_lines(file: h5py.File, root: h5py.Group, model: Model) -> _Layout:
     """Write which points the lines join and the appended points, a block of frames at a time."""
-    offset = file["steps/contact_offset"][...]
+    offset, per_line = file["steps/contact_offset"][...], points_per_line(model)
     counts: Indices = np.diff(offset)
     connectivity = Growing(root, "Lines/Connectivity", np.int64)
     offsets = Growing(root, "Lines/Offsets", np.int64)
@@ -273,12 +342,12 @@ def _write_lines(file: h5py.File, root: h5py.Group, model: Model) -> _Layout:
         points.append(block.ends)
         ends[start:stop] = block.end_counts
         connectivity.append(block.joined)
-        offsets.append(2 * ranges(lines + 1))
+        offsets.append(per_line * ranges(lines + 1))
     connectivity.close()
     offsets.close()
-    rows = _Layout(model.grain_count, counts, ends)
+    rows = _Layout(model.grain_count, per_line, counts, ends)
     root["Lines/NumberOfCells"] = rows.lines
-    root["Lines/NumberOfConnectivityIds"] = 2 * rows.lines
+    root["Lines/NumberOfConnectivityIds"] = per_line * rows.lines
     _write_ends(file, np.concatenate(points), rows)
     return rows
 
@@ -309,9 +378,9 @@ def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group
     steps["NumberOfParts"] = np.ones(count, np.int64)
     steps["PartOffsets"] = np.arange(count, dtype=np.int64)
     steps["PointOffsets"] = rows.room * np.arange(count, dtype=np.int64)
-    for name, per_line in (("CellOffsets", 1), ("ConnectivityIdOffsets", 2)):
-        offsets = np.zeros((count, len(_TOPOLOGIES)), np.int64)
-        offsets[:, _LINES] = per_line * _starts(rows.lines)
+    for name, per_cell in (("CellOffsets", 1), ("ConnectivityIdOffsets", rows.per_line)):
+        offsets = np.zeros((count, len(TOPOLOGIES)), np.int64)
+        offsets[:, _LINES] = per_cell * _starts(rows.lines)
         steps[name] = offsets
     for name in ("PointData", "CellData", "FieldData"):
         root.create_group(name)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
 from report_run import EVIL
+from shaped_run import ANGLE, DISC, DUMBBELL, FRAME, PLACES, UPPER
 
 from multicor_cli.report import write_report
 from multicor_cli.store import open_run
@@ -474,3 +475,35 @@ def test_browser_without_decompression_says_so(browser, address):
     with Opened(browser, address, script="delete window.DecompressionStream") as opened:
         assert "too old" in opened.page.inner_text("#trouble")
         assert opened.page.locator("table").count() >= 3
+
+
+FOUND = """([x, y]) => { const p = state.picture, box = p.canvas.getBoundingClientRect();
+    return p.findGrain(state.frame, box.left + (p.canvas.width / 2 + (x - p.center[0]) * p.scale) / p.pixels,
+                       box.top + (p.middle - (y - p.center[1]) * p.scale) / p.pixels); }"""
+
+
+def test_grains_of_any_shape_are_drawn_and_found_as_they_are(browser, shaped, tmp_path):
+    write_report(shaped, tmp_path / "page.html")
+    with Opened(browser, (tmp_path / "page.html").as_uri()) as opened:
+        opened.key("Home")
+        assert opened.wait(lambda: opened.frame == 0)
+        opened.settle()
+        hole, notch = PLACES[FRAME], PLACES[ANGLE] + 0.05
+        for x, y, grain in (
+            (*hole, -1), (*notch, -1), (hole[0] + 0.1, hole[1], FRAME),
+            (PLACES[ANGLE][0] - 0.06, PLACES[ANGLE][1] + 0.15, ANGLE), (0.03, 0.6, DUMBBELL),
+            (1.0, 0.17, UPPER), (0.33, 0.15, DISC),
+        ):  # fmt: skip
+            assert opened.page.evaluate(FOUND, [x, y]) == grain
+            assert (opened.color(x, y)[3] == 255) == (grain >= 0)
+        opened.page.fill("#grain", str(ANGLE))
+        told = opened.page.inner_text("#chosen").split("\n")
+        assert dict(zip(told[::2], told[1::2], strict=True)).items() >= {
+            "reach from the center": "0.2195 m", "angle": "0 rad",
+        }.items()  # fmt: skip
+        before = opened.picture()
+        opened.key("End")
+        assert opened.wait(lambda: opened.frame == 2)
+        opened.page.check("#contacts")
+        assert opened.picture() != before
+        assert opened.said == []

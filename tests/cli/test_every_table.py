@@ -627,6 +627,7 @@ VARIANTS = {
 OTHERS = [
     ["info"], ["info", "--json"], ["verify"], ["report", "-o", "report.html", "--overwrite"],
     ["export", "gsd", "-o", "run.gsd", "--overwrite"],
+    ["export", "vtkhdf", "-o", "run.vtkhdf", "--overwrite"],
     ["export", "csv", "-o", "csv", "--overwrite"],
     ["export", "fclib", "-o", "run.hdf5", "--overwrite"],
 ]  # fmt: skip

@@ -85,6 +85,14 @@ def test_gsd(typed, tmp_path):
     written_again(typed, line, target)
 
 
+def test_vtkhdf(typed, tmp_path):
+    line, target = "export vtkhdf SHAPED -o new/a.vtkhdf", tmp_path / "new" / "a.vtkhdf"
+    assert "2 frames" in typed(f"{line} --frames 1:").stderr
+    written_again(typed, line, target)
+    assert "end in .vtkhdf" in typed("export vtkhdf SHAPED -o a.h5", 2).stderr
+    assert "all grains are discs" in typed("export vtkhdf HEATED -o b.vtkhdf", 2).stderr
+
+
 def test_tables_and_problems_are_exported(typed, tmp_path):
     typed("export csv HEATED/results.h5 -o out --frames 0:5:2")
     assert len(list((tmp_path / "out").glob("grains-*.csv"))) == 3

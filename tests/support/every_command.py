@@ -16,6 +16,7 @@ from unittest import mock
 sys.path.insert(0, str(Path(__file__).parent))
 
 from scenes import CONDUCTING, RAIN, SMALL, WARM
+from shaped_run import write_shaped_run
 
 STUDY = """\
 [study]
@@ -77,6 +78,7 @@ post series run --plot series.png
 post flow run --from 0 --line 0.01,0.0:0.01,0.01 --plot flow.png
 post animate run -o film.gif --frames 0:3
 export gsd run -o run.gsd
+export vtkhdf shaped -o grains.vtkhdf
 export csv run -o tables --frames 0:2
 export fclib run -o problem.h5 --frame 1
 study validate latin-hypercube.toml
@@ -164,6 +166,7 @@ def main():
             "rain": RAIN,
         }.items():
             (folder / f"{file}.toml").write_text(text)
+        write_shaped_run(folder / "shaped")
         for kind in ("sobol", "latin-hypercube"):
             (folder / f"{kind}.toml").write_text(STUDY.replace("KIND", kind))
         faults += [text for words in lines if (text := fault(words, run(folder, words), 0))]

@@ -1,6 +1,7 @@
 """Runs for tests of the report, and its packed numbers read as its scripts read them."""
 
 import base64
+import itertools
 import json
 import re
 import zlib
@@ -66,23 +67,37 @@ def _advance(state: State, model: Model, is_crossing: bool) -> None:
 def read_page(page: str) -> tuple[dict[str, Any], list[dict[str, np.ndarray]], np.ndarray]:
     """What a page's scripts find: the JSON, integers of each frame by name, and the radii."""
     meta = json.loads(_element(page, "meta"))
-    frames = []
-    for number, about in enumerate(meta["frames"]):
-        data, arrays = zlib.decompress(base64.b64decode(_element(page, f"frame-{number}"))), {}
-        for name, width, count in about["arrays"]:
-            planes = (
-                np.frombuffer(data[: width * count], np.uint8)
-                .reshape(width, count)
-                .astype(np.int64)
-            )
-            arrays[name] = (planes * 256 ** np.arange(width)[:, np.newaxis]).sum(axis=0)
-            data = data[width * count :]
-        assert not data
-        frames.append(arrays)
+    frames = [
+        _arrays(page, f"frame-{number}", about["arrays"])
+        for number, about in enumerate(meta["frames"])
+    ]
     planes = np.frombuffer(
         zlib.decompress(base64.b64decode(_element(page, "radii"))), np.uint8
     ).reshape(4, -1)
     return meta, frames, np.ascontiguousarray(planes.T).view("<f4")[:, 0]
+
+
+def read_looks(page: str) -> list[list[np.ndarray]]:
+    """The rings around each grain in its radii, shape ``(p, 2)``; none of discs."""
+    meta = json.loads(_element(page, "meta"))
+    arrays = _arrays(page, "looks", meta["looks"])
+    points = np.column_stack([decode(meta, "look", arrays[axis]) for axis in "xy"])
+    rings = np.split(points, np.cumsum(arrays["points"])[:-1])
+    ends = np.cumsum(arrays["rings"]).tolist()
+    looks = [[], *(rings[a:b] for a, b in itertools.pairwise([0, *ends]))]
+    return [looks[number] for number in arrays["look"]]
+
+
+def _arrays(page: str, element: str, layout: list[tuple[str, int, int]]) -> dict[str, np.ndarray]:
+    """Integers of an element by name."""
+    data, arrays = zlib.decompress(base64.b64decode(_element(page, element))), {}
+    for name, width, count in layout:
+        planes = np.frombuffer(data[: width * count], np.uint8).reshape(width, count)
+        powers = 256 ** np.arange(width)[:, np.newaxis]
+        arrays[name] = (planes.astype(np.int64) * powers).sum(axis=0)
+        data = data[width * count :]
+    assert not data
+    return arrays
 
 
 def _element(page: str, name: str) -> str:

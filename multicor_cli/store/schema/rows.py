@@ -417,7 +417,8 @@ class GrainColumns:
         (3,), columns=("x", "y"), convert=lambda rows: rows[:, :2],
         about="centers, x wrapped into the period")  # fmt: skip
     angle: Column[Array] = _column("particles/angle", "float", "rad",
-        "rotation since the start of the run", lambda m: m.state.position[:, ANGLE],
+        "rotation since the start of the run; of grains that are no discs, that of their outlines",
+        lambda m: m.state.position[:, ANGLE],
         exports=("vtk",))  # fmt: skip
     image: Column[Array] = _column("particles/image", "i8", "1",
         "periods by which x was wrapped: x + image*period is unwrapped", "state.image")  # fmt: skip
@@ -480,11 +481,12 @@ def _kept(name: str) -> Column[Any]:
 
 
 def _of_contacts(name: str, about: Stored) -> Column[Any]:
+    columns = (len(about.columns),) if about.columns else ()
     as_flags = (lambda rows: rows.astype(np.bool_)) if about.dtype == "u1" else _CONVERT["contacts"]
     return Column.of(
         about,
         f"contacts/{name}",
-        value=lambda m: m.of_contacts(getattr(m.table, name)),
+        value=lambda m: m.of_contacts(getattr(m.table, name), columns),
         convert=as_flags,
     )
 

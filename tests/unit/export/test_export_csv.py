@@ -156,3 +156,33 @@ def test_a_full_disk_leaves_what_was_there(run, tmp_path):
         export_csv(run, tmp_path / "out", is_overwriting=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out"]
     assert len(list((tmp_path / "out").iterdir())) == 5
+
+
+def test_grains_of_any_shape_have_areas_and_outlines(shaped, tmp_path):
+    with open_run(shaped) as run:
+        outlines, frame = run.model.outlines, run.frames[1]
+        export_csv(run, tmp_path / "out")
+        contacts = frame.contacts.arm
+    grains = read(tmp_path / "out" / "grains-000001.csv")
+    check(grains, "area [m2]", outlines.area)
+    check(grains, "radius [m]", outlines.radius)
+    rows = read(tmp_path / "out" / "contacts-000001.csv")
+    for axis, name in enumerate("xy"):
+        check(rows, f"arm_{name} [m]", contacts[:, axis])
+    table = read(tmp_path / "out" / "outlines.csv")
+    for axis, name in enumerate("xy"):
+        check(table, f"{name} [m]", outlines.corner[:, axis])
+    places = zip(table["grain"], table["piece"], table["rounding [m]"], strict=True)
+    assert [(int(g), int(p), float(r)) for g, p, r in places] == [
+        (grain, piece, rounding)
+        for grain in range(9)
+        for piece, (corners, rounding) in enumerate(outlines.pieces(grain))
+        for _ in corners
+    ]
+    with open_run(shaped) as run:
+        export_csv(run, tmp_path / "out", is_overwriting=True)  # it is known as a file of an export
+
+
+def test_discs_have_no_outlines(out):
+    assert not (out / "outlines.csv").exists()
+    assert "area [m2]" not in read(out / "grains-000000.csv")

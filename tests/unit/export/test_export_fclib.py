@@ -235,6 +235,12 @@ def test_a_guess_of_another_problem_is_refused(tmp_path):
         export.read_fclib(tmp_path / "a.hdf5")
 
 
+def test_grains_of_any_shape_are_refused(shaped, tmp_path):
+    with open_run(shaped) as run, pytest.raises(export.ExportError, match="discs alone"):
+        export.export_fclib(run, tmp_path / "a.hdf5")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_without_contacts_there_is_no_problem(tmp_path):
     none = np.empty((0, 2))
     problem = ContactProblem(

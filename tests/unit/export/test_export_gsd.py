@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from heat_run import GRAINS, column, contact_rows, heated_model
+from shaped_run import ANGLE, DUMBBELL, FRAME, LOWER, PENTAGON, ROD, TRIANGLE
 from store_support import file_size_limit, make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
@@ -213,3 +214,30 @@ def test_without_the_library(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "gsd.hoomd", None)
     with pytest.raises(MissingLibrary, match="pip install"):
         export_gsd(run, tmp_path / "a.gsd")
+
+
+def test_grains_of_any_shape_have_a_type_for_each_outline(shaped, tmp_path):
+    """Two squares alike have one; corners are those at angle 0, from the center of mass."""
+    with open_run(shaped) as run:
+        outlines, frames = run.model.outlines, list(run.frames)
+        export_gsd(run, tmp_path / "a.gsd")
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        found = list(file)
+    for ours, theirs in zip(frames, found, strict=True):
+        grains = theirs.particles
+        assert grains.typeid.tolist() == [0, 1, 2, 3, 3, 4, 5, 6, 7]
+        assert grains.types == [f"grains {k}" for k in range(8)]
+        assert theirs.log["particles/group"].tolist() == [0] * 9
+        assert (grains.diameter == 1.0).all()  # the default of the format, which is not stored
+        turn = 2.0 * np.arctan2(grains.orientation[:, 3], grains.orientation[:, 0])
+        np.testing.assert_allclose(turn, ours.angle, atol=1e-6)
+        shapes = grains.type_shapes
+        assert shapes[0] == {"type": "Sphere", "diameter": 0.2}
+        for number, grain in ((2, PENTAGON), (3, LOWER), (4, TRIANGLE)):
+            corners, rounding = outlines.pieces(grain)[0]
+            assert shapes[number]["rounding_radius"] == rounding
+            np.testing.assert_array_equal(shapes[number]["vertices"], corners)
+        for number, grain in ((1, ROD), (5, ANGLE), (6, FRAME), (7, DUMBBELL)):
+            x, y = np.array(shapes[number]["vertices"]).T
+            area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+            assert area == pytest.approx(outlines.area[grain], rel=5e-3)

@@ -1,5 +1,6 @@
 """Films: all pictures alike but for the grains, and the file appears whole or not at all."""
 
+import itertools
 import shutil
 import subprocess
 from pathlib import Path
@@ -38,6 +39,15 @@ def test_all_pictures_share_part_of_the_plane_and_colors(run):
     assert changed.any()
     assert not changed[int(0.85 * height) :].any()  # the color bar below stays as it is
     assert not changed[:, : int(0.07 * width)].any()  # and so do the labels at the left
+
+
+def test_grains_of_any_shape_move_in_films(shaped, tmp_path):
+    with open_run(shaped) as shapes, house_style():
+        tables = [grain_map(shapes, "speed", k) for k in range(3)]
+        stage = _find_stage(tables, 3)
+        pictures = [picture.copy() for picture in _draw_all(tables, stage, 400)]
+    assert len({picture.shape for picture in pictures}) == 1
+    assert all((a != b).any() for a, b in itertools.pairwise(pictures))
 
 
 def test_nothing_stays_if_drawing_fails(run, tmp_path):

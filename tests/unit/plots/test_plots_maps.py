@@ -5,7 +5,9 @@ import pytest
 from drawn import figure_of, map_of, panel_of
 from heat_run import GRAINS
 from matplotlib.figure import Figure
+from shaped_run import ANGLE, DUMBBELL, FRAME, LOWER, PLACES, TRIANGLE, TURN, UPPER
 
+from multicor_cli.model.shapes import Polygon
 from multicor_cli.plots import draw_forces, draw_theta_eta, place_scene
 from multicor_cli.plots.fields import _fill
 from multicor_cli.plots.forces import line_widths, segments
@@ -13,6 +15,7 @@ from multicor_cli.plots.grain_map import color_scale, count_beyond, solid_polygo
 from multicor_cli.plots.style import COLORS, house_style
 from multicor_cli.plots.vectors import round_below
 from multicor_cli.post import MAPPED, Selection, fields, force_network, grain_map, theta_eta
+from multicor_cli.store import open_run
 from multicor_cli.text import unit_sign
 
 
@@ -43,6 +46,41 @@ def test_what_crosses_the_ends_of_the_period_is_drawn_on_both_sides(column):
     lines, which = segments(network)
     assert which.tolist() == [*range(GRAINS), 0]
     assert lines[-1] == pytest.approx(np.array([[-0.02, 0.5], [0.08, 0.5]]))
+
+
+@pytest.fixture(scope="module")
+def shapes(shaped):
+    return open_run(shaped)
+
+
+def test_grains_of_any_shape_are_drawn_as_they_lie(shapes):
+    """With their images, colors and holes."""
+    panel = map_of(grain_map(shapes, "velocity", 1))
+    grains = panel.collections[0]
+    paths = grains.get_paths()
+    assert len(paths) == len(PLACES) + 1
+    assert grains.get_array().tolist() == [*range(len(PLACES)), DUMBBELL]
+    across = paths[DUMBBELL].vertices - paths[-1].vertices
+    assert across == pytest.approx(np.tile([2.0, 0.0], (len(across), 1)))
+    turn = 0.5 * np.pi + TURN + 2.0 * np.pi / 3.0 * np.arange(4)  # the first corner again
+    corners = PLACES[TRIANGLE] + 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
+    assert paths[TRIANGLE].vertices == pytest.approx(corners)
+    outer, hole = paths[FRAME].to_polygons()  # one that runs clockwise is a hole
+    assert Polygon(outer[:-1]).signed_size == pytest.approx(0.09)
+    assert Polygon(hole[:-1]).signed_size == pytest.approx(-0.01)
+    assert not paths[ANGLE].contains_point(PLACES[ANGLE] + 0.05)
+
+
+def test_forces_between_grains_of_any_shape_pass_through_points_of_contact(shapes):
+    network = force_network(shapes, 1)
+    lines, which = segments(network)
+    assert sorted(which.tolist()) == sorted([*range(network.i.size)] * 2)
+    floor = lines[which == np.flatnonzero(network.i == ANGLE)[0]]
+    assert floor[0] == pytest.approx(np.array([PLACES[ANGLE], PLACES[ANGLE] - [0.0, 0.11]]))
+    upper = lines[which == np.flatnonzero(network.j == UPPER)[0]]
+    assert upper[0, 0] == pytest.approx(PLACES[LOWER])
+    assert upper[0, 1] == pytest.approx(upper[1, 0])
+    assert upper[0, 1, 1] == pytest.approx(0.16)
 
 
 def test_solid_polygons_are_filled_and_containers_are_not():

@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import figure_of, map_of, panel_of
+from shaped_run import box
 
 from multicor_cli import plots, post
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.vectors import round_below, smooth_field
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.post.lattice import Lattice
+from multicor_cli.post.rings import rings_of
 
 ALL = post.Selection(start=0.0)
 
@@ -115,6 +118,20 @@ def test_smooth_field_is_the_local_mean():
     found = smooth_field(uniform)[2]
     known = np.isfinite(found[..., 0])
     assert found[known] == pytest.approx(np.tile([1.0, -2.0], (int(known.sum()), 1)))
+
+
+def test_smooth_field_weighs_grains_of_any_shape_by_area():
+    """Of bars, every other one half as long and at rest, a third of the area is; all radii are
+    alike."""
+    table = make_vortex()
+    number = np.arange(table.value.size)
+    long, short = (box(-a, -0.001, a, 0.001) for a in (0.004, 0.002))
+    grains = [[(long if k % 2 else short, 0.0)] for k in number]
+    ones = np.ones(number.size)
+    rings = rings_of(Outlines.of(grains, ones, ones)).placed(table.scene.center, 0.0 * ones)
+    vector = np.column_stack([number % 2, 0.0 * ones])
+    found = smooth_field(table.with_(scene=replace(table.scene, rings=rings), vector=vector))[2]
+    assert np.nanmean(found[..., 0]) == pytest.approx(2.0 / 3.0, abs=0.02)
 
 
 def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_regions_out():

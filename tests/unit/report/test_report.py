@@ -16,13 +16,15 @@ import h5py
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
-from report_run import EVIL, decode, read_page, write_evil_run
+from report_run import EVIL, decode, read_looks, read_page, write_evil_run
+from shaped_run import ANGLE, DISC, LOWER, PLACES, UPPER
 from store_support import drive, make_model, make_run, run_whole
 
 from multicor_cli.export import ExportRefused
 from multicor_cli.post import QUANTITIES, PostError, force_network, rheology
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.post.quantities import color_range
+from multicor_cli.post.rings import rings_of
 from multicor_cli.report import default_path, pack, write_report
 from multicor_cli.report.figures import _book_lines, _Thinning
 from multicor_cli.report.page import (
@@ -191,6 +193,54 @@ def test_page_names_what_was_run_and_how_good_it_is(page):
         "[none, bad above 0.05]"
     ) in page
     assert page.index("multicor report") < 400
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_grains_of_any_shape_are_packed_as_they_are(shaped, tmp_path):
+    text = written(shaped, path=tmp_path / "p.html")
+    meta, frames, radii = read_page(text)
+    looks = read_looks(text)
+    with open_run(shaped) as run:
+        rings = rings_of(run.model.outlines)
+        for grain, look in enumerate(looks):
+            own = [ring for ring, of in zip(rings, rings.grain, strict=True) if of == grain]
+            assert len(look) == (len(own) if grain != DISC else 0)
+            for found, ring in zip(look, own, strict=False):
+                assert found * radii[grain] == pytest.approx(ring, abs=4e-6)
+        for about, arrays in zip(meta["frames"], frames, strict=True):
+            frame = run.frames[about["index"]]
+            assert decode(meta, "angle", arrays["angle"]) == pytest.approx(frame.angle, abs=1e-4)
+    last = frames[-1]
+    arm = [decode(meta, "arm", last[f"contact_arm_{axis}"]) for axis in "xy"]
+    touch = dict(zip(zip(np.cumsum(last["contact_step"]).tolist(), last["contact_end"].tolist(),
+                         strict=True), np.transpose(arm), strict=True))  # fmt: skip
+    down = len(PLACES) + 768
+    assert touch[ANGLE, down] == pytest.approx([0.0, -0.11], abs=1e-5)
+    assert touch[LOWER, UPPER][1] == pytest.approx(0.08, abs=1e-5)
+
+
+def test_grains_that_are_alike_but_for_their_size_share_a_look(shaped):
+    with open_run(shaped) as run:
+        found = pack.looks_of(run.model.outlines)
+    counts = {name: count for name, _, count in found.arrays}
+    assert (counts["look"], counts["rings"]) == (9, 7)  # two squares, and a disc without any
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_a_page_without_room_for_outlines_says_so(shaped, tmp_path, monkeypatch):
+    monkeypatch.setattr("multicor_cli.report.pack._LOOKS_SHARE", 0.0)
+    text = written(shaped, path=tmp_path / "p.html")
+    assert read_page(text)[0]["looks"] is None
+    assert "Grains are circles here" in text
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_discs_need_no_looks(evil, tmp_path):
+    text = written(evil, path=tmp_path / "p.html")
+    meta, frames, _ = read_page(text)
+    assert meta["looks"] is None
+    assert "Grains are circles here" not in text
+    assert not {"angle", "contact_arm_x"} & set(frames[-1])
 
 
 @pytest.mark.usefixtures("no_figures")

@@ -142,7 +142,17 @@ HEATED = {
         f"without {spec.path}": (gone(spec.path), spec.path)
         for spec in schema.RESULTS_TABLE
         if spec.only_with
-        not in (None, "exchange", "surface", "groups", "motion", "cell", "gradient", "expansion")
+        not in (
+            None,
+            "exchange",
+            "surface",
+            "groups",
+            "motion",
+            "cell",
+            "gradient",
+            "expansion",
+            "outlines",
+        )
     },
     **{
         f"features {said}": (text("features", said), "feature|do not match their digest")
@@ -152,6 +162,28 @@ HEATED = {
     "temperature": (value("particles/temperature", 3, np.nan), "not finite"),
 }
 """The same for a run with heat."""
+
+
+SHAPED = {
+    **{
+        f"without {spec.path}": (gone(spec.path), spec.path)
+        for spec in schema.RESULTS_TABLE
+        if spec.only_with == "outlines"
+    },
+    **{
+        f"{name} {row}: {number}": (value(f"model/outlines/{name}", row, number), "model/outlines")
+        for name, row, number in (
+            ("piece", 0, 1), ("piece", 2, 1), ("piece", 9, 99), ("start", 0, -1), ("start", 3, 2),
+            ("start", -1, 10**6), ("rounding", 0, -0.1), ("area", 3, 0.0), ("corner", 4, np.nan),
+            ("perimeter", 0, np.inf),
+        )
+    },
+    # Farther than the grain reaches, by what its radius says
+    "corner": (value("model/outlines/corner", 5, [0.3, 0.0]), "model/outlines/corner"),
+    "radius": (value("model/radius", 1, 0.1), "model/outlines/corner"),
+    "arm": (value("contacts/arm", 0, [np.nan, 0.0]), "contacts/arm"),
+}  # fmt: skip
+"""The same for a run of grains of any shape."""
 
 
 def check_verdict(results, target, change, named):
@@ -176,6 +208,11 @@ def test_results_that_lie_are_refused(finished, tmp_path, lie):
 @pytest.mark.parametrize("lie", HEATED)
 def test_results_with_heat_that_lie_are_refused(heated, tmp_path, lie):
     check_verdict(heated / "results.h5", tmp_path / "results.h5", *HEATED[lie])
+
+
+@pytest.mark.parametrize("lie", SHAPED)
+def test_results_of_grains_of_any_shape_that_lie_are_refused(shaped, tmp_path, lie):
+    check_verdict(shaped / "results.h5", tmp_path / "results.h5", *SHAPED[lie])
 
 
 def test_only_walls_may_have_no_temperature(heated):

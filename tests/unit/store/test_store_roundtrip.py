@@ -6,6 +6,7 @@ import dataclasses
 import h5py
 import numpy as np
 import pytest
+import shaped_run
 from page_tables import FORMATS, with_tables
 from store_support import (
     RESOLVED,
@@ -21,6 +22,7 @@ from store_support import (
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS
+from multicor_cli.model.state import find_misfit
 from multicor_cli.store import (
     Contacts,
     Frame,
@@ -175,6 +177,54 @@ def test_single_precision_halves_the_rows(tmp_path):
             assert file[path].dtype == np.float32
         for path in ("steps/time", "walls/position", "series/kinetic", "particles/temperature"):
             assert file[path].dtype == np.float64
+
+
+@pytest.mark.parametrize("finish", [True, False])
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_grains_of_any_shape_read_back(tmp_path, finish, precision):
+    """Outlines of the model, points of contact of the state and of frames, also if contacts are not
+    recorded."""
+    model, path = shaped_run.shaped_model(), tmp_path / "run"
+    state = shaped_run.write_shaped_run(path, model=model, precision=precision, finish=finish)
+    rows = shaped_run.contact_rows(state)
+    with open_run(path) as run:
+        assert_same(run.model, model)
+        assert_same(run.state().contact_point, state.contact_point)
+        assert run.state().digest() == state.digest()
+        for frame in run.frames:
+            np.testing.assert_allclose(frame.contacts.arm, rows.arm, rtol=1e-7)
+            assert frame.contacts.i.tolist() == rows.i.tolist()
+    assert verify(path) == []
+    shaped_run.write_shaped_run(tmp_path / "silent", model=model, recorded=False)
+    with open_run(tmp_path / "silent") as run:
+        assert run.frames[-1].contacts.arm.shape == (0, 2)
+    assert verify(tmp_path / "silent") == []
+
+
+def test_states_of_grains_of_any_shape_may_have_several_points_of_a_pair(shaped):
+    with open_run(shaped) as run:
+        model, state = run.model, run.state()
+    assert find_misfit(state, model) is None
+    said = "contact_i and contact_j are not pairs of shapes in ascending order"
+    assert find_misfit(state, dataclasses.replace(model, outlines=None)) == said
+    state.contact_j[:2] = state.contact_j[2:4]
+    assert find_misfit(state, model) is None
+    state.contact_i[1] = 0
+    assert find_misfit(state, model) == said
+    state.contact_i[1] = state.contact_i[0]
+    state.contact_point = state.contact_point[:-1]
+    said = "contact_i, contact_j and contact_point have different lengths"
+    assert find_misfit(state, model) == said
+
+
+def test_runs_of_discs_say_nothing_of_outlines(finished):
+    with h5py.File(finished / "results.h5") as file:
+        assert "outlines" not in file["model"]
+        assert "arm" not in file["contacts"]
+    with open_run(finished) as run:
+        assert run.model.outlines is None
+        assert run.frames[1].contacts.arm is None
+        assert not run.state().contact_point.size
 
 
 def test_frames_without_recorded_contacts(tmp_path):

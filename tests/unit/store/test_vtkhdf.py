@@ -2,14 +2,17 @@
 without a warning."""
 
 import shutil
+from dataclasses import fields, replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from scene_parts import make_shapes
+from shaped_run import ANGLE, LOWER, PERIOD, PLACES, UPPER, contact_rows, shaped_model
 from store_support import make_model, make_run, run_whole, start
 
-from multicor_cli.model import State
+from multicor_cli.model import State, Walls
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import Snapshot, open_run, verify
 from multicor_cli.store.vtkhdf import NO_CONTACT
@@ -204,3 +207,67 @@ def test_a_file_system_without_links_does_no_harm(tmp_path, monkeypatch):
     run_whole(tmp_path / "run")
     assert not (tmp_path / "run" / "results.vtkhdf").exists()
     assert verify(tmp_path / "run") == []
+
+
+def bent_lines(step):
+    """The three points of each line [m], shape ``(c, 3, 2)``."""
+    ids = numpy_support.vtk_to_numpy(step.GetLines().GetConnectivityArray()).reshape(-1, 3)
+    return points(step)[ids, :2]
+
+
+def test_lines_lead_through_points_where_grains_of_any_shape_touch(shaped):
+    """To walls, they end there; their second point is halfway."""
+    arms = 0.08 * np.array([[-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [0.0, -1.375]])
+    first = PLACES[[LOWER, LOWER, LOWER, LOWER, ANGLE]]
+    touch = first + arms
+    second = np.concatenate([touch[:2], 0.5 * (first + touch)[2:]])
+    third = np.concatenate([PLACES[[UPPER, UPPER]], touch[2:]])
+    for step in read_steps(shaped / "results.vtkhdf"):
+        np.testing.assert_allclose(bent_lines(step), np.stack([first, second, third], axis=1))
+        assert array(step.GetPointData(), "is_grain").sum() == len(PLACES)
+        assert array(step.GetCellData(), "kind").tolist() == [0, 0, 1, 1, 1]
+    assert verify(shaped) == []
+
+
+@pytest.mark.parametrize("is_cell", [False, True])
+def test_bent_lines_do_not_cross_the_domain(tmp_path, is_cell):
+    """Across a side they end at the image of a grain that is nearest; frames without contacts have
+    a line of no length."""
+    model = shaped_model()
+    if is_cell:
+        walls = Walls(("cell",), np.ones(1), np.ones(1), np.zeros(1, np.bool_), np.ones(1))
+        none = make_shapes([])
+        model = replace(model, height=1.0, shapes=none, walls=walls)
+    state = State.at_rest(model, PLACES)
+    if is_cell:
+        state.wall_position[0] = [PERIOD, 1.0, 0.25]
+    rows = replace(
+        contact_rows(state), i=np.array([2, 2], np.int32), j=np.array([6, 8], np.int32),
+        **{name: getattr(contact_rows(state), name)[:2]
+           for name in ("normal", "gap", "impulse", "slip", "sliding", "arm")},
+    )  # fmt: skip
+    none = replace(rows, **{f.name: v[:0] for f in fields(rows)
+                            if (v := getattr(rows, f.name)) is not None})  # fmt: skip
+    with make_run(tmp_path / "run") as run:
+        writer = run.writer(model)
+        for table in (none, rows, none, rows):
+            writer.frame(Snapshot(state, model, table))
+            writer.series_row(Snapshot(state, model))
+            state.step, state.time = state.step + 1, state.time + 0.1
+        run.checkpoint(state, writer)
+        run.finish("finished")
+    image = PLACES[[6, 8]] - np.array([[0.0, 0.0], [PERIOD, 0.0]])
+    if is_cell:
+        ways = PLACES[[6, 8]] - PLACES[2]
+        images = [
+            [w - [k * PERIOD + m * 0.25, m] for k in (-1, 0, 1) for m in (-1, 0, 1)] for w in ways
+        ]
+        image = PLACES[2] + np.array([min(found, key=lambda w: np.hypot(*w)) for found in images])
+    for number, step in enumerate(read_steps(tmp_path / "run" / "results.vtkhdf")):
+        lines = bent_lines(step)
+        if number % 2:
+            np.testing.assert_allclose(lines[:, 0], PLACES[[2, 2]])
+            np.testing.assert_allclose(lines[:, 1], PLACES[2] + rows.arm)
+            np.testing.assert_allclose(lines[:, 2], image)
+        else:
+            np.testing.assert_array_equal(lines, np.tile(PLACES[0], (1, 3, 1)))
