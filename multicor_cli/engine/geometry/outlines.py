@@ -201,6 +201,18 @@ def _widest(
 
 
 @subroutine
+def _between(
+    px: float, py: float, qx: float, qy: float, nx: float, ny: float, r_p: float, r_q: float,
+    ox: float, oy: float, corner: int,
+) -> Point:  # fmt: skip
+    """The point between places of two cores with this normal from p to q, for `_seen_from`."""
+    return Point(
+        -nx, -ny, (qx - px) * nx + (qy - py) * ny - (r_p + r_q), px + r_p * nx, py + r_p * ny,
+        qx - ox - r_q * nx, qy - oy - r_q * ny, np.int64(corner),
+    )  # fmt: skip
+
+
+@subroutine
 def _seen_from(
     p: int, edge: int, separation: float, q: int, v: int, ox: float, oy: float, pieces: Pieces
 ) -> tuple[Point, Point]:
@@ -233,8 +245,7 @@ def _seen_from(
         # Places along the edge of p, from its first corner
         at_v = (vy - py) * nx - (vx - px) * ny
         at_w = (wy - py) * nx - (wx - px) * ny
-        low, high = min(at_v, at_w), max(at_v, at_w)
-        at = min(max(at_v, 0.0), length)
+        low, high, at = min(at_v, at_w), max(at_v, at_w), min(max(at_v, 0.0), length)
         mx, my, is_edge = nx, ny, True
         ax, ay = px - at * ny, py + at * nx
         if at != at_v:
@@ -256,16 +267,12 @@ def _seen_from(
                     is_edge = abs(at - at_v) <= _PARALLEL * length
                     key = np.int64(max(nearer, nearest_end))  # with a wall that of the wall
         to = min(at_w, length) if at_w > at_v else max(at_w, 0.0)
-        is_edge = is_edge and abs(to - at) > _PARALLEL * length
-        if is_edge and low <= to <= high and (to > at) == (at_w > at_v):
+        is_edge = is_edge and low <= to <= high and (to > at) == (at_w > at_v)
+        if is_edge and abs(to - at) > _PARALLEL * length:
             part = (to - at_v) / (at_w - at_v)
-            cx, cy = px - to * ny, py + to * nx
-            dx, dy = vx + part * (wx - vx), vy + part * (wy - vy)
-            gap_2 = (dx - cx) * mx + (dy - cy) * my - (r_p + r_q)
-            key_2 = w if to == at_w else (after if to == length else edge)
-            second = Point(
-                -mx, -my, gap_2, cx + r_p * mx, cy + r_p * my, dx - ox - r_q * mx,
-                dy - oy - r_q * my, np.int64(key_2),
+            second = _between(
+                px - to * ny, py + to * nx, vx + part * (wx - vx), vy + part * (wy - vy), mx, my,
+                r_p, r_q, ox, oy, w if to == at_w else (after if to == length else edge),
             )  # fmt: skip
         nx, ny = mx, my
     first = Point(

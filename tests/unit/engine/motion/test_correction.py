@@ -37,9 +37,11 @@ def test_rings_and_pairs_of_marked_grains():
     assert around.owner.tolist() == [0, 1, 2, 3, 4, 5]
     assert around.other.tolist() == [1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6]
     marked = np.array([False, True, False, False, False, False])
-    assert surround(chain(), around, PARTNER, 0.5, 1, marked) == 3
+    assert surround(chain(), None, around, PARTNER, 0.5, 1, marked) == 3
     assert marked.tolist() == [True, True, True, False, False, False]
-    assert surround(chain(), around, PARTNER, 0.5, 9, marked) == 4  # the gap beside 3 is too wide
+    assert (
+        surround(chain(), None, around, PARTNER, 0.5, 9, marked) == 4
+    )  # the gap beside 3 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
     marked = np.array([False, True, True, False, False, True])
     i, j = pairs_of(both_ways(ROW, PARTNER), PARTNER, marked)
@@ -52,10 +54,10 @@ def test_overlaps_mark_grains_and_the_largest_are_told():
     scene.position[1, 0] -= 0.13  # the first pair overlaps by 0.03, 0.06 of the radius
     scene.position[5, 0] += 0.105  # and the last grain the wall by 0.01
     i, marked = np.arange(6, dtype=np.int32), every.copy()
-    assert mark_overlaps(scene, i, PARTNER, 0.05, marked) == pytest.approx((0.06, 0.01))
+    assert mark_overlaps(scene, None, i, PARTNER, 0.05, marked) == pytest.approx((0.06, 0.01))
     assert marked.tolist() == [True] + [False] * 5
     around = both_ways(ROW, PARTNER)
-    assert mark_again(scene, around, PARTNER, 0.05, every) == pytest.approx((0.06, 0.01))
+    assert mark_again(scene, None, around, PARTNER, 0.05, every) == pytest.approx((0.06, 0.01))
     assert every.tolist() == [True, True] + [False] * 4
 
 
@@ -141,7 +143,7 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
     expected = smallest_displacements(scene, i[near], j[near], mass, wall_inverse, 1e-3)
     before = position[:, :2].copy()
     shift, pull_x, pull_y = separate(
-        scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 0.1, 1e-3, 2e-3, 1e-12, 10_000
+        scene, None, i, j, np.ones(12, np.bool_), mass, wall_inverse, 0.1, 1e-3, 2e-3, 1e-12, 10_000
     )
     assert np.abs(expected).max() > 0.005
     np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
@@ -159,7 +161,7 @@ def test_held_grains_stay():
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
     one_of_two = np.array([False, True]), np.ones(2), np.empty((0, 2))
-    separate(scene, *pair, *one_of_two, 0.1, 0.01, 0.02, 1e-9, 100)
+    separate(scene, None, *pair, *one_of_two, 0.1, 0.01, 0.02, 1e-9, 100)
     np.testing.assert_allclose(scene.position[:, 0], [0.0, 0.995], atol=1e-9)
 
 
@@ -174,5 +176,5 @@ def test_a_pair_with_a_held_grain_keeps_an_allowed_overlap(depth, place):
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
     one_of_two = np.array([False, True]), np.ones(2), np.empty((0, 2))
-    separate(scene, *pair, *one_of_two, 0.1, 0.0, 0.1, 1e-9, 100)
+    separate(scene, None, *pair, *one_of_two, 0.1, 0.0, 0.1, 1e-9, 100)
     assert scene.position[1, 0] == pytest.approx(place, abs=1e-9)
