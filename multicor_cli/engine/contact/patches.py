@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.face_sweep import I_NN, I_NT, I_TT, FaceBatches
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
 from multicor_cli.engine.contact.sweep import (
     System,
@@ -43,6 +44,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     lane_of_impulse,
 )
 from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     FIRST,
     INVERSE_MASS,
@@ -53,6 +55,9 @@ from multicor_cli.model.columns import (
     SECOND,
     SPIN,
     TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
     XX,
     YY,
     X,
@@ -535,9 +540,31 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
 
 
 @kernel
+def _hold_points(
+    faces: FaceBatches | None, frame: Floats, rows: NDArray[np.int64], is_held: bool
+) -> None:
+    """Take W⁻¹ from the batches of points of grains with corners, or give it back.
+
+    ``rows`` are those of general contacts, some of which are such points, ``frame`` their frames.
+    """
+    if faces is None:
+        return
+    for g in rows:
+        if g < faces.first:
+            continue
+        q, lane = (g - faces.first) // LANES, (g - faces.first) % LANES
+        w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
+        over = 0.0 if is_held else 1.0 / (w_nn * w_tt - w_nt * w_nt)
+        faces.block[q, I_NN, lane] = w_tt * over
+        faces.block[q, I_NT, lane] = -w_nt * over
+        faces.block[q, I_TT, lane] = w_nn * over
+
+
+@kernel
 def hold(s: System, contact: NDArray[np.int64]) -> Floats:
-    """Keep sweeps off diagonal contacts by taking their mass; returns it for `release` [kg]."""
+    """Keep sweeps off contacts in batches by taking their mass; returns it for `release` [kg]."""
     frame, mass = s.frame.reshape(-1), np.zeros(contact.size)
+    _hold_points(s.faces, s.general_frame, contact - s.slot.size, True)
     for k in range(contact.size):
         if contact[k] < s.slot.size:
             place = frame_place(np.uint64(contact[k])) + MASS_
@@ -549,6 +576,7 @@ def hold(s: System, contact: NDArray[np.int64]) -> Floats:
 def release(s: System, contact: NDArray[np.int64], mass: Floats) -> None:
     """Undo `hold`."""
     frame = s.frame.reshape(-1)
+    _hold_points(s.faces, s.general_frame, contact - s.slot.size, False)
     for k in range(contact.size):
         if contact[k] < s.slot.size:
             frame[frame_place(np.uint64(contact[k])) + MASS_] = mass[k]

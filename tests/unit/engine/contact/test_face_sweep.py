@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from multicor_cli.engine.contact import face_sweep
+from multicor_cli.engine.contact import face_sweep, patches
 from multicor_cli.engine.contact.face_sweep import ROWS, relax_faces_scalar
 from multicor_cli.engine.contact.law import solve_full
 from multicor_cli.engine.jit.compile import kernel
@@ -75,6 +75,25 @@ def test_the_law_without_branches_is_that_of_the_full_local_problem():
         slides = abs(p_t) >= row[MU] * p_n * (1.0 - 1e-12)
         found["open" if p_n == 0.0 else "slides" if slides else "sticks"] += 1
     assert min(found.values()) >= 10
+
+
+def test_points_that_are_held_keep_their_impulses():
+    """Block Gauss–Seidel sweeps over all others; then they are what they were, to the bit."""
+    velocity, pair, block, rows, _ = _points(np.random.default_rng(3), 2)
+    frame = rows[:, :8].copy()
+    faces = face_sweep.FaceBatches(pair, block.copy(), np.array([0, 2]), 3)
+    impulse = np.column_stack([np.ones(len(rows)), 0.5 * frame[:, MU]])
+    before, general = impulse.copy(), np.concatenate([np.ones((3, 8)), frame])
+    held = np.array([1, 3, 8])  # one of them in no batch
+    patches._hold_points(faces, general, held, True)
+    relax_faces_scalar(
+        0, 2, velocity.reshape(-1), pair, faces.block, impulse, before.copy(), BETA, 0.0
+    )
+    stayed = (impulse == before).all(axis=1)
+    assert stayed[[0, 5]].all()
+    assert stayed.sum() < 5
+    patches._hold_points(faces, general, held, False)
+    np.testing.assert_array_equal(faces.block, block)
 
 
 @pytest.mark.skipif(not HAS_VECTORS, reason="nothing is compiled")
