@@ -55,7 +55,7 @@ def _needed(run: Recorded) -> Iterator[Measured]:
     """
     model, steps = run.run.model, np.asarray(run.run.frames.column("steps/dt"))
     mass = total(model.grains.mass) / model.grain_count
-    area = math.pi * total(model.grains.radius * model.grains.radius) / _SOLID_FRACTION
+    area = math.pi * total(model.disc_radius * model.disc_radius) / _SOLID_FRACTION
     for stage, name in enumerate(run.run.stages):
         rows = run.rows(stage)
         used = steps[np.asarray(run.run.frames.stage) == stage]

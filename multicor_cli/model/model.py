@@ -261,6 +261,20 @@ class Model:
         return math.pi * (self.grains.radius * self.grains.radius)
 
     @functools.cached_property
+    def disc_radius(self) -> Floats:
+        """Radius of discs with the area of the grains [m], shape ``(n,)``."""
+        if self.outlines is None:
+            return self.grains.radius
+        return np.where(self.outlines.is_disc, self.grains.radius, np.sqrt(self.area / math.pi))
+
+    @property
+    def perimeter(self) -> Floats:
+        """Length of the outline of the grains [m], shape ``(n,)``."""
+        if self.outlines is not None:
+            return self.outlines.perimeter
+        return 2.0 * math.pi * self.grains.radius
+
+    @functools.cached_property
     def spin_radius(self) -> Floats:
         """σ by which spins are speeds σω, and m σ²/I the same for all grains [m], shape ``(n,)``.
 

@@ -13,10 +13,11 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
+from multicor_cli.post.cuts import Cut, reach_of
 from multicor_cli.post.source import Frame, PostError, Run, frames_of, model_of, need_grains
 from multicor_cli.text import choices
 
-# ---- Sharing discs and lines out among horizontal bins by exact area and length
+# ---- Sharing grains and lines out among horizontal bins by exact area and length
 
 
 class Shares(NamedTuple):
@@ -31,28 +32,19 @@ class Shares(NamedTuple):
     turn: NDArray[np.int64]
 
 
-def area_below(height: Floats, radius: Floats) -> Floats:
-    """Area of discs below a level line at ``height`` above their centers [m²].
-
-    a²(π − arccos s + s√(1−s²)) with s = height/a cut to −1 … 1.
-    """
-    s = np.clip(height / radius, -1.0, 1.0)
-    return np.asarray(radius * radius * (np.pi - np.arccos(s) + s * np.sqrt(1.0 - s * s)))
-
-
-def share_discs(
-    y: Floats, radius: Floats, bottom: float, width: float, count: int, *, is_around: bool = False
+def share_grains(
+    y: Floats, cut: Cut, bottom: float, width: float, count: int, *, is_around: bool = False
 ) -> Shares:
-    """Share discs out among ``count`` equal bins above ``bottom`` [m].
+    """Share grains at heights y [m] out among ``count`` equal bins above ``bottom`` [m].
 
     The rest is left out, or goes on at the other end if ``is_around``.
     """
-    first = np.floor((y - radius - bottom) / width).astype(np.int64)
-    last = np.floor((y + radius - bottom) / width).astype(np.int64)
+    first = np.floor((y + cut.low - bottom) / width).astype(np.int64)
+    last = np.floor((y + cut.high - bottom) / width).astype(np.int64)
 
     def area(grain: NDArray[np.int64], bin_: NDArray[np.int64]) -> Floats:
-        edge, a = bottom + bin_ * width - y[grain], radius[grain]
-        return np.maximum(area_below(edge + width, a) - area_below(edge, a), 0.0)
+        edge = bottom + bin_ * width - y[grain]
+        return np.maximum(cut.below(grain, edge + width) - cut.below(grain, edge), 0.0)
 
     return _share(first, last, count, area, is_around=is_around)
 
@@ -80,7 +72,7 @@ def _share(
 def share_lines(
     start: Floats, end: Floats, bottom: float, width: float, count: int, *, is_around: bool = False
 ) -> Shares:
-    """Share straight lines out among bins by the heights of their ends [m]; see `share_discs`.
+    """Share straight lines out among bins by the heights of their ends [m]; see `share_grains`.
 
     ``area`` is the part of a line's length that lies in the bin [1]. A level line lies in one bin.
     """
@@ -192,9 +184,9 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
         if lower is not None and upper is not None:
             gap += float(at[upper] - at[lower]) / len(indices)
             continue
-        y, radius = np.asarray(frame.position)[:, 1], model_of(source, frame).grains.radius
-        floor = min(floor, float((y - radius).min()))
-        top = float(at[upper]) if upper is not None else float((y + radius).max())
+        y, (down, up) = np.asarray(frame.position)[:, 1], reach_of(model_of(source, frame), frame)
+        floor = min(floor, float((y + down[:, 1]).min()))
+        top = float(at[upper]) if upper is not None else float((y + up[:, 1]).max())
         ceiling = max(ceiling, top - (float(at[lower]) if lower is not None else 0.0))
     if lower is not None:
         floor = 0.0
@@ -387,12 +379,14 @@ class Bins:
             )
         return BinPlace(self.extent.origin(frame) + self.bottom, width)
 
-    def share(self, y: Floats, radius: Floats, place: BinPlace) -> Shares:
+    def share(self, y: Floats, cut: Cut, place: BinPlace) -> Shares:
         """Which grain lies in which bin with which area."""
-        return share_discs(y, radius, *place, self.count, is_around=self.extent.is_cell)
+        return share_grains(y, cut, *place, self.count, is_around=self.extent.is_cell)
 
     def total(self, shares: Shares, values: Floats) -> Floats:
         """Sum of values of the shares in each bin, shape ``(b,)``."""
+        if np.iscomplexobj(values):
+            return self.total(shares, values.real) + 1j * self.total(shares, values.imag)
         return np.asarray(np.bincount(shares.bin, weights=values, minlength=self.count), np.float64)
 
 

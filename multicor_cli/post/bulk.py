@@ -145,6 +145,14 @@ class Bulk(NamedTuple):
         middle = heights(frame)[contacts.i] - 0.5 * contacts.branch[:, Y]
         return np.asarray((middle > low) & (middle < high))
 
+    def inside(self, frame: Frame) -> NDArray[np.bool_]:
+        """Which grains of a frame have their center inside, shape ``(n,)``."""
+        y = heights(frame)
+        if self.band is None:
+            return np.ones(y.size, np.bool_)
+        low, high = self.band.edges(frame)
+        return np.asarray((y > low) & (y < high))
+
     def strains(self, source: Run, chosen: NDArray[np.int64]) -> Floats:
         """Strain of the mean flow between consecutive frames, ``(f − 1,)``; nan where not known.
 
@@ -235,7 +243,7 @@ def contact_sums(
     part = part_between(start, start - contacts.branch[:, 1], low, high)
     stress = [float((part * contacts.virial(a, b)).sum()) for a in (0, 1) for b in (0, 1)]
     counts = contacts.counts[inside]
-    loaded = counts[counts >= 2]
+    loaded = counts[contacts.point_counts[inside] >= 2]
     numbers = (counts.sum(), counts.size, loaded.sum(), loaded.size)
     # n⊗n of the contacts whose branch has its middle in the bulk, and their number
     middle = start - 0.5 * contacts.branch[:, 1]
@@ -262,7 +270,7 @@ def derive_contacts(sums: dict[str, Floats]) -> dict[str, Floats]:
 def inertial_numbers(model: Model, rate: Floats, pressure: Floats) -> dict[str, Floats]:
     """Both `INERTIAL_NUMBERS` by name, of shear rates [1/s] and pressures [N/m]."""
     grains = model.grains
-    density = grains.mass.sum() / (np.pi * grains.radius**2).sum()
+    density = grains.mass.sum() / model.area.sum()
     return {
         "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
         "inertial_number_density": np.abs(rate) * model.mean_diameter * np.sqrt(density / pressure),

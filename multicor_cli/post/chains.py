@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.optional import library
-from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
+from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, own_stress, with_forces
 from multicor_cli.post.forces import force_network
 from multicor_cli.post.source import (
     PostError,
@@ -99,7 +99,7 @@ def clusters(source: Run, selection: Selection | None = None) -> Clusters:
     for frame in frames_of(source, chosen):
         contacts = loaded_contacts(frame, model_of(source, frame))
         between = ~contacts.is_wall
-        slides = between & np.asarray(frame.contacts.sliding, np.bool_)[contacts.row]
+        slides = between & contacts.sliding
         i, j = contacts.i[slides], contacts.j[slides]
         size = np.bincount(components(i, j, contacts.grain_count)[i]) if i.size else np.zeros(0)
         rows.append(_sizes(size[size > 0], contacts.grain_count, int(between.sum())))
@@ -169,13 +169,14 @@ def find_chains(contacts: LoadedContacts, model: Model, angle: float = ANGLE) ->
         MissingLibrary: If SciPy is not installed.
     """
     stress, direction = _principal(contacts, model)
+    branch = contacts.along
     n, i, j = contacts.grain_count, contacts.i, contacts.j
     bears = stress > stress.mean()
     along = np.column_stack([np.cos(direction), np.sin(direction)])
     can = np.flatnonzero(~contacts.is_wall & (contacts.force[:, 0] > 0.0))
     can = can[bears[i[can]] & bears[j[can]]]
     for end in (i, j):
-        cosine = np.abs((contacts.normal[can] * along[end[can]]).sum(axis=1))
+        cosine = np.abs((branch[can] * along[end[can]]).sum(axis=1))
         can = can[cosine >= np.cos(np.radians(angle)) - _ROUNDING]
     cluster = components(i[can], j[can], n)
     size = np.bincount(cluster)
@@ -188,17 +189,8 @@ def find_chains(contacts: LoadedContacts, model: Model, angle: float = ANGLE) ->
 
 
 def _principal(contacts: LoadedContacts, model: Model) -> tuple[Floats, Floats]:
-    """Major principal stress of each grain [N/m] and its direction [rad], shapes ``(n,)``.
-
-    Σ f⊗r/(π a²) over its contacts, with r from each to its center; compression is positive.
-    """
-    n, radius = contacts.grain_count, model.grains.radius
-    between = ~contacts.is_wall
-    # The force on j and the way to its center have both the other sign.
-    grain = np.concatenate([contacts.i, contacts.j[between]])
-    dyad = np.einsum("ca,cb->cab", contacts.vector, contacts.normal).reshape(-1, 4)
-    dyads = np.concatenate([dyad, dyad[between]]) / (np.pi * radius[grain])[:, np.newaxis]
-    xx, xy, yx, yy = (np.bincount(grain, own, minlength=n) for own in dyads.T)
+    """Major principal stress of each grain [N/m] and its direction [rad], shapes ``(n,)``."""
+    xx, xy, yx, yy = own_stress(contacts, model).T
     deviator = 0.5 * (xx - yy) + 0.5j * (xy + yx)
     major = 0.5 * (xx + yy) + np.abs(deviator)
     return np.asarray(major, np.float64), np.asarray(0.5 * np.angle(deviator), np.float64)
@@ -260,7 +252,7 @@ def chains(source: Run, selection: Selection | None = None, *, angle: float = AN
     chosen, found = find_all(source, selection, angle)
     rows = []
     for contacts, own in found:
-        x, y = contacts.normal[own.link].T
+        x, y = contacts.along[own.link].T
         rows.append((
             1.0, contacts.grain_count, own.length.size, own.length.sum(),
             own.length.max(initial=0), own.link.size, (x * x - y * y).sum(), (2.0 * x * y).sum(),

@@ -256,7 +256,7 @@ def _measure(model: Model, frame: Frame) -> dict[str, float]:
         pressure = 0.5 * float((loaded.virial(0, 0) + loaded.virial(1, 1)).sum()) / area
     return {
         "width": lattice.width, "height": lattice.height,
-        "solid_fraction": np.pi * float((model.grains.radius**2).sum()) / area,
+        "solid_fraction": np.pi * float((model.disc_radius**2).sum()) / area,
         "coordination": 2.0 * h.size / n,
         "connected": float(np.bincount(network.clusters()[1]).max()) / n,
         "pressure": pressure,
@@ -272,6 +272,6 @@ def thickness_of(model: Model) -> float:
     """The thickness of the discs [m]; nan of spheres, and of discs of several thicknesses."""
     assert model.thermal is not None
     # The surface that exchanges heat is 2π a h of a disc
-    thickness = model.thermal.surface / (2.0 * np.pi * model.grains.radius)
+    thickness = model.thermal.surface / model.perimeter
     is_one = model.shape_factor == SHAPE_FACTOR["disc"] and np.ptp(thickness) < 1e-9 * thickness[0]
     return float(thickness[0]) if is_one else np.nan

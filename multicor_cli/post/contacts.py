@@ -11,10 +11,49 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import ShapeKind
+from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import Frame, PostError, Run, need_heat
 
 if TYPE_CHECKING:
     from multicor_cli.store.frames import Contacts
+
+_SAME = 1e-9  # of the sum of normals: less than that, they cancel
+
+
+class OfShapes(NamedTuple):
+    """What contacts have between grains of any shape; ``c`` of them.
+
+    Attributes:
+        normal: Unit normal from j to i, shape ``(c, 2)``.
+        branch: From the center of j, or where i touches a smooth wall, to that of i [m], likewise.
+        arm: From the center of i to where it touches j [m], likewise.
+        virial: Force on i times branch: xx, xy, yx, yy [N m], shape ``(c, 4)``.
+        own: Force on i times the way from where it touches j to its center [N m], likewise.
+        number: At how many points they touch, shape ``(c,)``.
+        sliding: Whether they slide at all points that carry a force, shape ``(c,)``.
+    """
+
+    normal: Floats
+    branch: Floats
+    arm: Floats
+    virial: Floats
+    own: Floats
+    number: NDArray[np.int64]
+    sliding: NDArray[np.bool_]
+
+    def only(self, which: NDArray[np.int64]) -> OfShapes:
+        """Those of some of them."""
+        return OfShapes(
+            self.normal[which], self.branch[which], self.arm[which], self.virial[which],
+            self.own[which], self.number[which], self.sliding[which],
+        )  # fmt: skip
+
+
+class Points(NamedTuple):
+    """The points of contacts, and to which contact each of them belongs, shape ``(p,)``."""
+
+    contacts: LoadedContacts
+    of: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -22,13 +61,19 @@ class LoadedContacts:
     """Contacts with a normal force (tension is negative), or that conduct heat: ``c`` between ``n``
     grains and walls.
 
+    Two grains, or a grain and a shape of a wall, that touch at several points have one contact,
+    which carries the sum of the forces (Azéma, Radjaï, Peyroux & Saussine, Phys. Rev. E 76, 011301,
+    2007): its normal and where it touches are means weighted by the normal forces of the points.
+
     Attributes:
         i: First grain, shape ``(c,)``.
         j: Second grain, or wall shape (not below n), shape ``(c,)``.
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
-        row: Numbers of these contacts among all of the frame, shape ``(c,)``.
+        row: Numbers of these contacts, or their first points, among all of the frame, ``(c,)``.
         rows: All contacts of the frame; what is not needed is not read.
         reach_of: Radii of grains, then of wall shapes, 0 of smooth ones [m], shape ``(n + m,)``.
+        shaped: What they have where not all grains are discs.
+        joined: Their points, likewise; None of points themselves.
     """
 
     i: NDArray[Any]
@@ -38,20 +83,48 @@ class LoadedContacts:
     rows: Contacts
     reach_of: Floats
     grain_count: int
+    shaped: OfShapes | None = None
+    joined: Points | None = None
 
     def only(self, which: NDArray[np.int64]) -> LoadedContacts:
         """These of them."""
+        kept: dict[str, Any]
         kept = {name: getattr(self, name)[which] for name in ("i", "j", "force", "row")}
+        if self.shaped is not None:
+            kept |= {"shaped": self.shaped.only(which), "joined": None}
         return replace(self, **kept)
+
+    @property
+    def points(self) -> Points:
+        """Their points; of discs each has one."""
+        return self.joined or Points(self, np.arange(self.i.size))
 
     @cached_property
     def normal(self) -> Floats:
         """Unit normal from j to i, shape ``(c, 2)``."""
+        if self.shaped is not None:
+            return self.shaped.normal
         return np.asarray(self.rows.normal, np.float64)[self.row]
+
+    @property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Whether a contact slides, shape ``(c,)``."""
+        if self.shaped is not None:
+            return self.shaped.sliding
+        return np.asarray(self.rows.sliding, np.bool_)[self.row]
+
+    @cached_property
+    def arm(self) -> Floats:
+        """From the center of i to where it touches j [m], shape ``(c, 2)``."""
+        if self.shaped is not None:
+            return self.shaped.arm
+        return np.asarray(-self.normal * self.reach_of[self.i][:, np.newaxis])
 
     @cached_property
     def reach(self) -> Floats:
         """From the center of i to that of j, or to a smooth wall [m], shape ``(c,)``."""
+        if self.shaped is not None:
+            return np.asarray(np.hypot(*self.shaped.branch.T))
         gap = np.asarray(self.rows.gap, np.float64)[self.row]
         return np.asarray(self.reach_of[self.i] + gap + self.reach_of[self.j])
 
@@ -69,21 +142,24 @@ class LoadedContacts:
     @cached_property
     def branch(self) -> Floats:
         """From the center of j, or where i touches a smooth wall, to that of i [m], ``(c, 2)``."""
+        if self.shaped is not None:
+            return self.shaped.branch
         return np.asarray(self.normal * self.reach[:, np.newaxis])
 
-    @cached_property
-    def arm(self) -> Floats:
-        """From the center of i to the point where it touches j [m], shape ``(c, 2)``."""
-        arm = getattr(self.rows, "arm", None)
-        if arm is None:
-            return np.asarray(-self.normal * self.reach_of[self.i][:, np.newaxis])
-        return np.asarray(arm, np.float64)[self.row]
+    @property
+    def along(self) -> Floats:
+        """Unit vectors along the branches, of discs the normals, shape ``(c, 2)``."""
+        if self.shaped is None:
+            return self.normal
+        return self.branch / np.where(self.reach > 0.0, self.reach, 1.0)[:, np.newaxis]
 
     def virial(self, a: int, b: int) -> Floats:
         """Force on i along the axis ``a`` times the branch along ``b`` [N m], shape ``(c,)``.
 
         Its sum over an area is the stress times the area, compression positive.
         """
+        if self.shaped is not None:
+            return self.shaped.virial[:, 2 * a + b]
         return np.asarray(self.vector[:, a] * self.branch[:, b])
 
     @cached_property
@@ -91,6 +167,11 @@ class LoadedContacts:
         """Contacts of each grain; those with walls count once, shape ``(n,)``."""
         n, between = self.grain_count, self.j[~self.is_wall]
         return np.bincount(self.i, minlength=n) + np.bincount(between, minlength=n)
+
+    @property
+    def point_counts(self) -> NDArray[np.int64]:
+        """Points at which each grain touches others or walls, shape ``(n,)``."""
+        return self.points.contacts.counts
 
     @property
     def loads(self) -> Floats:
@@ -124,6 +205,24 @@ def shape_temperatures(frame: Frame, model: Model) -> Floats:
     return np.concatenate([need_heat(frame.temperature), of_walls])
 
 
+def own_stress(contacts: LoadedContacts, model: Model) -> Floats:
+    """Σ f⊗r/A of each grain over its contacts, with r from each to its center and its area A.
+
+    Compression is positive. Shape ``(n, 4)``: xx, xy, yx, yy [N/m].
+    """
+    n, between = contacts.grain_count, ~contacts.is_wall
+    grain = np.concatenate([contacts.i, contacts.j[between]])
+    # The force on j and the way to its center have both the other sign.
+    if contacts.shaped is None:
+        dyad = np.einsum("ca,cb->cab", contacts.vector, contacts.normal).reshape(-1, 4)
+        dyads = np.concatenate([dyad, dyad[between]])
+        dyads /= (np.pi * model.grains.radius[grain])[:, np.newaxis]
+    else:
+        own, whole = contacts.shaped.own, contacts.shaped.virial
+        dyads = np.concatenate([own, (whole - own)[between]]) / model.area[grain][:, np.newaxis]
+    return np.column_stack([np.bincount(grain, own, minlength=n) for own in dyads.T])
+
+
 def has_forces(frame: Frame) -> bool:
     """Whether contact forces belong to a frame: they were recorded, and a step came before it."""
     return bool(frame.contacts.recorded) and frame.dt > 0.0
@@ -139,19 +238,25 @@ def conducting_contacts(
 ) -> tuple[LoadedContacts, Floats]:
     """The contacts of a frame that conduct heat, and their conductances [W/K], ``(c,)``.
 
-    Those between grains, and those with walls if asked for; raises `PostError` without heat.
+    Those between grains, and those with walls if asked for; raises `PostError` without heat. What
+    conducts at several points has the sum of their conductances.
     """
     conductance = need_heat(frame.contacts.conductance)
     is_asked = has_walls | (frame.contacts.j < model.grain_count)
     row = np.flatnonzero((conductance > 0.0) & is_asked)
-    return contacts_at(frame, model, row), conductance[row]
+    contacts = contacts_at(frame, model, row, conductance[row])
+    if contacts.joined is None:
+        return contacts, conductance[row]
+    total = np.bincount(contacts.joined.of, conductance[row])
+    return contacts, np.asarray(total, np.float64)
 
 
 class HeatFlows(NamedTuple):
-    """Contacts through which heat flows, and how much from j into i [W], shape ``(c,)``."""
+    """Contacts through which heat flows, how much from j into i [W], and H [W/K], ``(c,)``."""
 
     contacts: LoadedContacts
     flow: Floats
+    conductance: Floats
 
     def virial(self, axis: int) -> Floats:
         """Heat flow times its branch along an axis [W m], shape ``(c,)``.
@@ -179,17 +284,90 @@ def heat_flows(frame: Frame, model: Model) -> HeatFlows:
     if any(model.heat_gradient):
         rise -= contacts.branch @ np.array(model.heat_gradient)
     known = np.flatnonzero(np.isfinite(rise))
-    return HeatFlows(contacts.only(known), (conductance * rise)[known])
+    return HeatFlows(contacts.only(known), (conductance * rise)[known], conductance[known])
 
 
-def contacts_at(frame: Frame, model: Model, row: NDArray[np.int64]) -> LoadedContacts:
-    """The contacts of a frame in these rows, whether they carry a force or not."""
+def contacts_at(
+    frame: Frame, model: Model, row: NDArray[np.int64], weight: Floats | None = None
+) -> LoadedContacts:
+    """The contacts of a frame in these rows, whether they carry a force or not.
+
+    Where grains touch at several points, these count with weights, by default the normal forces.
+    """
     contacts, force = frame.contacts, np.asarray(frame.contacts.force, np.float64)
     glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
     reach_of = np.concatenate([model.grains.radius, glued])
-    return LoadedContacts(
+    found = LoadedContacts(
         contacts.i[row], contacts.j[row], force[row], row, contacts, reach_of, model.grain_count
     )
+    if model.outlines is None:
+        return found
+    return _joined(frame, model, found, np.abs(found.force[:, 0]) if weight is None else weight)
+
+
+def _joined(frame: Frame, model: Model, found: LoadedContacts, weight: Floats) -> LoadedContacts:
+    """Contacts of points in some rows of a frame, which count with weights, shape ``(p,)``.
+
+    The image of a grain j that i touches is the one whose center is nearest to where they touch.
+    """
+    rows, lattice = found.rows, lattice_of(model, frame).reduced
+    i, j = np.asarray(rows.i, np.int64), np.asarray(rows.j, np.int64)
+    normal, arm = (np.asarray(each, np.float64) for each in (rows.normal, rows.arm))
+    is_wall, place = j >= model.grain_count, np.asarray(frame.position, np.float64)[:, :2]
+    way = place[i] + arm - place[np.where(is_wall, i, j)]
+    image = lattice.nearest(way)
+    image[is_wall] = 0
+    way -= image @ lattice.vectors
+    gap = found.reach_of[j] + np.asarray(rows.gap, np.float64)
+    way[is_wall] = (gap[:, np.newaxis] * normal)[is_wall]
+    first, row = _first_alike(np.column_stack([i, j, image])), found.row
+    of_points = _of_points(found, normal[row], arm[row], way[row])
+    points = replace(found, shaped=of_points)
+    pair_row, one, pair = np.unique(first[row], return_index=True, return_inverse=True)
+
+    def total(values: Floats) -> Floats:
+        return np.column_stack([np.bincount(pair, own, pair_row.size) for own in values.T])
+
+    is_single = of_points.number == np.bincount(pair)[pair]
+    weight = np.where(is_single | (np.bincount(pair, weight)[pair] == 0.0), 1.0, weight)
+    sum_of = np.bincount(pair, weight)[:, np.newaxis]
+    turned = total(weight[:, np.newaxis] * of_points.normal)
+    length = np.hypot(*turned.T)[:, np.newaxis]
+    is_clear = (length > _SAME * sum_of) & ~is_single[one, np.newaxis]
+    mean = np.where(is_clear, turned / np.where(is_clear, length, 1.0), of_points.normal[one])
+    (x, y), (f_x, f_y) = mean.T, total(points.vector).T
+    force = np.column_stack([f_x * x + f_y * y, f_y * x - f_x * y])
+    is_loaded = found.force[:, 0] != 0.0
+    slides, loaded = (np.bincount(pair, k & is_loaded) for k in (of_points.sliding, True))
+    return replace(
+        found, i=found.i[one], j=found.j[one], row=pair_row, joined=Points(points, pair),
+        force=np.where(is_single[one, np.newaxis], found.force[one], force),
+        shaped=OfShapes(
+            mean,
+            branch=total(weight[:, np.newaxis] * of_points.branch) / sum_of,
+            arm=total(weight[:, np.newaxis] * of_points.arm) / sum_of,
+            virial=total(of_points.virial), own=total(of_points.own),
+            number=np.bincount(pair), sliding=(slides == loaded) & (slides > 0),
+        ),
+    )  # fmt: skip
+
+
+def _of_points(points: LoadedContacts, normal: Floats, arm: Floats, way: Floats) -> OfShapes:
+    """What points have, with ways to where i is touched from its center, and from that of j [m]."""
+    force = points.vector
+    virial, own = (np.einsum("pa,pb->pab", force, to).reshape(-1, 4) for to in (way - arm, -arm))
+    one = np.ones(points.i.size, np.int64)
+    return OfShapes(normal, way - arm, arm, virial, own, one, points.sliding)
+
+
+def _first_alike(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first of the rows that are alike, for each row of ``(k, q)`` numbers, shape ``(k,)``."""
+    order = np.lexsort(keys.T)
+    is_new = np.ones(order.size, np.bool_)
+    is_new[1:] = (np.diff(keys[order], axis=0) != 0).any(axis=1)
+    first = np.empty_like(order)
+    first[order] = order[is_new][np.cumsum(is_new) - 1]
+    return first
 
 
 def with_forces(source: Run, chosen: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -137,7 +137,7 @@ def _fluctuations(source: Run, chosen: NDArray[np.int64]) -> Callable[[Frame], F
         return RelativeFrame(frame, np.column_stack([frame.spin, np.zeros(len(frame.spin))]))
 
     weighted = (
-        (turning(frame), model_of(source, frame).grains.radius ** 2)
+        (turning(frame), model_of(source, frame).disc_radius ** 2)
         for frame in frames_of(source, chosen)
     )
     spins = fit_flow(bins.extent, min(bins.width, source.model.mean_diameter), weighted)

@@ -115,8 +115,9 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
 def _crossings(
     source: Run, before: Frame, after: Frame, line: Line, duration: float
 ) -> tuple[NDArray[np.int64], Floats, Floats, int]:
-    """+1, −1 or 0 for each grain that went from one frame to the other, its mass and radius; and
-    how many are in one of the two only, or farther away than they can have come.
+    """+1, −1 or 0 for each grain that went from one frame to the other, its mass and the radius of
+    a disc of its area; and how many are in one of the two only, or farther away than they can have
+    come.
     """
     model, lost = source.model, 0
     first: Any
@@ -143,8 +144,8 @@ def _crossings(
         shifts = np.arange(low, high + 1.0) * model.period
     for shift in shifts:
         sign += _crossed(start, end, np.array(line) + np.array([shift, 0.0]))
-    grains = model_of(source, before).grains
-    return sign, grains.mass[one], grains.radius[one], lost
+    there = model_of(source, before)
+    return sign, there.grains.mass[one], there.disc_radius[one], lost
 
 
 def have_jumped(model: Model, before: Frame, after: Frame, duration: float) -> NDArray[np.int64]:

@@ -182,7 +182,7 @@ def _between_walls(
         need_same_grains(first, second)
         halves.append(_HalfWay.between(first, second, lapse))
         strain.append(abs(strain_and_spin(band, model_of(source, second), first, second)[0]))
-    weight = model_of(source, frames[0]).grains.radius ** 2
+    weight = model_of(source, frames[0]).disc_radius ** 2
     flow = fit_flow(extent, model.mean_diameter, ((half, weight) for half in halves))
     steps = [flow.fluctuation(half) * dt for half, dt in zip(halves, lapses, strict=True)]
     way = np.concatenate([np.zeros((1, weight.size, 2)), np.cumsum(steps, axis=0)])

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.bins import Between
-from multicor_cli.post.bulk import find_bulk
-from multicor_cli.post.contacts import loaded_contacts, with_forces
+from multicor_cli.post.bulk import Bulk, find_bulk
+from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.forces import sum_directions, waves_of
 from multicor_cli.post.mobilization import laws_over_time, mobilized
+from multicor_cli.post.orientation import KINDS, axes_of, kinds_of
 from multicor_cli.post.source import (
+    Frame,
     PostError,
     Run,
     Selection,
@@ -54,7 +56,23 @@ QUANTITIES = (
 )
 """What `fabric` measures, in the order of the table."""
 
-_DIRECTIONS = ("theta_s", "theta_c")
+_SHARES = (
+    ("edge_edge", "contacts of edges with edges"),
+    ("edge_corner", "contacts of edges with corners"),
+    ("corner_corner", "contacts of corners"),
+)
+
+OF_SHAPES = (
+    *(Quantity(f"{of}a_lt", f"{name}of branches across normals a_lt", "a_lt")
+      for of, name in (("", ""), ("strong_", "strong: "), ("weak_", "weak: "))),
+    *(Quantity(name, f"{label}, share") for name, label in _SHARES),
+    *(Quantity(f"{name}_force", f"{label}, share of the normal forces") for name, label in _SHARES),
+    Quantity("nematic_order", "nematic order of the long axes", "S"),
+    Quantity("director", "their director", r"\theta_S", "deg"),
+)  # fmt: skip
+"""What else it measures where not all grains are discs."""
+
+_DIRECTIONS = ("theta_s", "theta_c", "director")
 
 
 class Fabric(TimeTable):
@@ -68,12 +86,15 @@ class Fabric(TimeTable):
     (Rothenburg & Bathurst, Géotechnique 39, 601, 1989), with the moments of
     `multicor_cli.post.forces.waves_of`. The table has their parts a cos 2(θ_a − θ_σ) along the
     major principal stress of all these contacts: negative where most lies across it (Azéma &
-    Radjaï, Phys. Rev. E 85, 031303, 2012). Branches of discs are along normals: there is no a_lt.
+    Radjaï, Phys. Rev. E 85, 031303, 2012). Branches of discs are along normals; those of other
+    grains are not, ℓ is then their part along normals, and ⟨ℓ_t⟩(θ) = −ℓ₀ a_lt sin 2(θ − θ_lt) that
+    along tangents.
 
     If all directions agree and forces do not depend on lengths, σ = Σ f⊗ℓ/A has
 
-        q/p = (S + ⅛ a_c a_l (3 a_n + a_t))/(1 + ½ (a_c a_n + a_c a_l + a_n a_l)),
-        S = ½ (a_c + a_n + a_t + a_l)
+        q/p = (S + ⅛ a_c (3 a_n a_l + a_t a_l + a_n a_lt − a_t a_lt))
+              /(1 + ½ (a_c a_n + a_c a_l + a_n a_l + a_t a_lt)),
+        S = ½ (a_c + a_n + a_t + a_l + a_lt)
 
     with q = ½ (σ₁ − σ₂), p = ½ (σ₁ + σ₂); S, its first order, is the stress–force–fabric relation.
 
@@ -81,6 +102,10 @@ class Fabric(TimeTable):
     with the mean over the contacts of the frame that press (Radjaï, Wolf, Jean & Moreau, Phys. Rev.
     Lett. 80, 61, 1998). Its share of q is along the principal axes of the whole stress: negative if
     it would be sheared the other way; shares of strong, weak and tensile contacts add up to 1.
+
+    Where not all grains are discs, there are `OF_SHAPES`, too: shares of contacts by kind, and what
+    they have of the sum of the normal forces that press (`multicor_cli.post.orientation.kinds_of`);
+    and the nematic order and director of the grains with their center in the bulk.
 
     Attributes:
         time: Times of the frames [s], shape ``(f,)``.
@@ -122,25 +147,59 @@ def fabric(
     for frame in frames_of(source, chosen):
         model = model_of(source, frame)
         contacts = loaded_contacts(frame, model)
-        sliding = np.asarray(frame.contacts.sliding, np.bool_)[contacts.row]
-        part = mobilized(contacts, sliding, laws(frame), model, frame)
+        part = mobilized(contacts, contacts.sliding, laws(frame), model, frame)
         counted = ~contacts.is_wall & bulk.holds(frame, contacts)
         virial = [contacts.virial(a, b)[counted] for a in (0, 1) for b in (0, 1)]
         rows.append(_measure(
-            contacts.normal[counted], contacts.force[counted], contacts.reach[counted],
-            np.array(virial), np.column_stack([sliding[counted], part[counted]]),
+            contacts.normal[counted], contacts.force[counted], _lengths(contacts)[:, counted],
+            np.array(virial), np.column_stack([contacts.sliding[counted], part[counted]]),
         ))  # fmt: skip
-    values = {q.name: np.array([row.get(q.name, np.nan) for row in rows]) for q in QUANTITIES}
+        if model.outlines is not None:
+            rows[-1] |= _of_shapes(contacts, counted, model, frame, bulk)
+    shown = QUANTITIES if source.model.outlines is None else (*QUANTITIES, *OF_SHAPES)
+    values = {q.name: np.array([row.get(q.name, np.nan) for row in rows]) for q in shown}
     if not values["contacts"].any():
         raise PostError(
             "no two grains press on each other in the bulk in these frames: choose other frames, "
             "or lower --margin where there are walls"
         )
-    for name in _DIRECTIONS:
+    for name in values.keys() & _DIRECTIONS:
         values[name] = _unfolded(values[name])
     facts = {"margin": bulk.margin, **frames_told(source, chosen)}
     times = np.asarray(source.frames.time, np.float64)[chosen]
-    return Fabric(times, [q.over_time(values[q.name]) for q in QUANTITIES], facts, frames=chosen)
+    return Fabric(times, [q.over_time(values[q.name]) for q in shown], facts, frames=chosen)
+
+
+def _lengths(contacts: LoadedContacts) -> Floats:
+    """Branches along normals [m], and along tangents unless all grains are discs, ``(…, c)``."""
+    if contacts.shaped is None:
+        return contacts.reach[np.newaxis]
+    (x, y), (u, v) = contacts.normal.T, contacts.branch.T
+    return np.array([u * x + v * y, v * x - u * y])
+
+
+def _of_shapes(
+    contacts: LoadedContacts,
+    counted: NDArray[np.bool_],
+    model: Model,
+    frame: Frame,
+    bulk: Bulk,
+) -> dict[str, float]:
+    """`OF_SHAPES` but for anisotropies, as far as there are any."""
+    found = {}
+    kind, force = kinds_of(contacts, model, frame)[counted], contacts.force[counted, 0]
+    force = np.maximum(force, 0.0)
+    for k, name in enumerate(KINDS):
+        if kind.size:
+            found[name] = float((kind == k).mean())
+        if force.any():
+            found[f"{name}_force"] = float(force[kind == k].sum() / force.sum())
+    axes = axes_of(model, frame)[bulk.inside(frame)]
+    axes = axes[np.isfinite(axes)]
+    if axes.size:
+        mean = complex(axes.mean())
+        found |= {"nematic_order": abs(mean), "director": _degrees(mean)}
+    return found
 
 
 def _measure(
@@ -151,7 +210,7 @@ def _measure(
     Args:
         normal: Unit normals, shape ``(c, 2)``.
         force: Normal and tangential forces [N], shape ``(c, 2)``.
-        length: Lengths of the branches [m], shape ``(c,)``.
+        length: Branches along normals, and perhaps along tangents [m], shape ``(1 or 2, c)``.
         virial: f⊗ℓ: xx, xy, yx, yy [N m], shape ``(4, c)``.
         friction: Whether contacts slide, and how far their friction is mobilized, ``(c, 2)``.
     """
@@ -167,7 +226,7 @@ def _measure(
         n, f = normal[counted], force[counted]
         if not len(f):
             return {}
-        waves = waves_of(*sum_directions(n, (*f.T, length[counted])))
+        waves = waves_of(*sum_directions(n, (*f.T, *length[:, counted])))
         anisotropies = {f"a_{key}": (wave / axis).real for key, wave in waves.items()}
         slides, mobilization = friction[counted].T
         known = np.isfinite(mobilization)
@@ -176,7 +235,8 @@ def _measure(
         return anisotropies | own | {"theta_c": _degrees(waves["c"])}
 
     found |= of(np.ones(len(force), np.bool_))
-    first, full = _stress_fabric(*(found[f"a_{key}"] for key in "cntl"))
+    c, n, t, along = (found[f"a_{key}"] for key in "cntl")
+    first, full = _stress_fabric(c, n, t, along, found.get("a_lt", 0.0))
     ratio = abs(q) / p if p > 0.0 else np.nan
     found |= {
         "stress_ratio": ratio, "stress_fabric": first, "difference": ratio - first,
@@ -195,11 +255,13 @@ def _measure(
     }
 
 
-def _stress_fabric(c: float, n: float, t: float, length: float) -> tuple[float, float]:
+def _stress_fabric(
+    c: float, n: float, t: float, length: float, across: float
+) -> tuple[float, float]:
     """q/p of anisotropies of one direction: their first order, and with products; see `Fabric`."""
-    first = 0.5 * (c + n + t + length)
-    full = first + 0.125 * c * length * (3.0 * n + t)
-    return first, full / (1.0 + 0.5 * (c * n + c * length + n * length))
+    first = 0.5 * (c + n + t + length) + 0.5 * across
+    full = first + 0.125 * c * length * (3.0 * n + t) + 0.125 * c * across * (n - t)
+    return first, full / (1.0 + 0.5 * (c * n + c * length + n * length) + 0.5 * t * across)
 
 
 def _degrees(wave: complex) -> float:

@@ -256,7 +256,7 @@ def _of_grains(
     vx, vy = velocity.T
     spin = m * np.asarray(frame.spin, np.float64)
     carried = [
-        np.pi * grains.radius**2, m, m * vx, m * vy, spin, m * vx * vx, m * vx * vy, m * vy * vy,
+        model.area, m, m * vx, m * vy, spin, m * vx * vx, m * vx * vy, m * vy * vy,
     ]  # fmt: skip
     if known.heat:
         assert model.thermal is not None
@@ -300,7 +300,7 @@ def _of_contacts(
     contacts = contacts_at(frame, model, row)
     carried = [contacts.virial(a, b) for a, b in _ALL] if known.stress else []
     if known.flux:
-        carried += [flow[row] * contacts.branch[:, a] for a in (0, 1)]
+        carried += [flow[contacts.row] * contacts.branch[:, a] for a in (0, 1)]
     start, values = position[contacts.i], np.column_stack(carried)
     found = np.ascontiguousarray(coarse.densities_along(start, -contacts.branch, values).T)
     columns = []

@@ -11,6 +11,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import field_sums
 from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import has_conduction, has_forces
+from multicor_cli.post.cuts import reach_of
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
@@ -228,10 +229,9 @@ def _box(source: Run, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Lower left and upper right corner of a box that holds the grains in all frames [m]."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for frame in frames_of(source, chosen):
-        radius = model_of(source, frame).grains.radius[:, np.newaxis]
         position = np.asarray(frame.position, np.float64)[:, :2]
-        low = np.minimum(low, (position - radius).min(axis=0))
-        high = np.maximum(high, (position + radius).max(axis=0))
+        ends = position + reach_of(model_of(source, frame), frame)
+        low, high = np.minimum(low, ends[0].min(axis=0)), np.maximum(high, ends[1].max(axis=0))
     return low, high
 
 

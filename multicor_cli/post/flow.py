@@ -84,7 +84,7 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow | 
     if extent.is_cell:
         return CellFlow()
     spacing = min(bins.width, source.model.mean_diameter)
-    weighted = ((f, model_of(source, f).grains.radius ** 2) for f in frames_of(source, chosen))
+    weighted = ((f, model_of(source, f).disc_radius ** 2) for f in frames_of(source, chosen))
     return fit_flow(extent, spacing, weighted)
 
 

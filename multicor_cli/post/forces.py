@@ -34,6 +34,7 @@ NUMBERS = {
     "tangential_force_mean": "mean tangential force, without sign [N]",
     "coordination": "coordination number",
     "rattler_share": "share of rattlers (fewer than two contacts)",
+    "points": "contact points per grain",
     "sliding_share": "share of sliding contacts",
 }
 """Labels, with their units, of the numbers of a whole network."""
@@ -58,7 +59,8 @@ class ForceNetwork(Table):
         frame: Index of the frame.
         time: Time of the frame [s].
         summary: The numbers of `SUMMARY`, by name; nan where there is no contact. Rattlers are
-            grains with fewer than two contacts that carry a force, those with walls included.
+            grains with fewer than two contacts that carry a force, those with walls included; of
+            grains that are no discs with fewer than two points.
     """
 
 
@@ -78,8 +80,7 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
     with_forces(source, np.array([index]))
     chosen = source.frames[index]
     loaded, scene = loaded_contacts(chosen, model_of(source, chosen)), make_scene(source, chosen)
-    start, sliding = scene.center[loaded.i], np.asarray(chosen.contacts.sliding, np.bool_)
-    sliding = sliding[loaded.row]
+    start, sliding = scene.center[loaded.i], loaded.sliding
     touch = start + loaded.arm
     count, n, with_walls = len(loaded.force), loaded.grain_count, int(loaded.is_wall.sum())
     normal, tangential = loaded.force.T if count else (np.array([np.nan]),) * 2
@@ -90,9 +91,11 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
         "normal_force_max": float(normal.max()),
         "tangential_force_mean": float(np.abs(tangential).mean()),
         "coordination": float(2 * count - with_walls) / n,
-        "rattler_share": float(np.count_nonzero(loaded.counts < 2)) / n,
+        "rattler_share": float(np.count_nonzero(loaded.point_counts < 2)) / n,
         "sliding_share": float(sliding.mean()) if count else np.nan,
     }
+    if loaded.shaped is not None:
+        summary["points"] = float(loaded.point_counts.sum()) / n
     columns = [Column("i", "", loaded.i), Column("j", "", loaded.j)]
     for name, unit, values, labels in (
         ("touch_{}", "m", touch, {"x": "x", "y": "y"}),
@@ -331,9 +334,10 @@ def waves_of(sums: Floats, wave: complex) -> dict[str, complex]:
     """Anisotropies with their directions, a e^{2iθ}, of what `sum_directions` gives.
 
     ``c`` of contacts, from single ones; ``n`` and ``t`` of their normal and tangential forces, and
-    ``l`` of their lengths if they have them, fitted to bins that count alike, unless empty: Fourier
-    coefficients if none is, and of directions within some 50° the fit of least norm. See
-    `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)).
+    ``l`` and ``lt`` of their branches along normals and tangents if they have them, fitted to bins
+    that count alike, unless empty: Fourier coefficients if none is, and of directions within some
+    50° the fit of least norm. See `AngularDistribution`; ⟨ℓ⟩(θ) = ℓ₀ (1 + a_l cos 2(θ − θ_l)) and
+    ⟨ℓ_t⟩(θ) = −ℓ₀ a_lt sin 2(θ − θ_lt).
     """
     count, half = sums[0], sums.shape[1]
     known, width = count > 0.0, np.pi / half
@@ -343,9 +347,10 @@ def waves_of(sums: Floats, wave: complex) -> dict[str, complex]:
     shapes = np.column_stack([np.ones(turned.size), turned.real, turned.imag])
     means = (sums[1:, known] / count[known]).T
     level, along, across = np.linalg.lstsq(shapes, means, _KNOWN)[0]
-    level[1] = level[0]
-    waves = dict(zip("ntl", (along + 1j * across) / level, strict=False))
-    return {"c": 2.0 * wave / count.sum(), **waves, "t": 1j * waves["t"]}
+    level[1::2] = level[:-1:2]  # what lies across, over what lies along
+    waves = dict(zip(("n", "t", "l", "lt"), (along + 1j * across) / level, strict=False))
+    turned = {name: 1j * waves[name] for name in ("t", "lt") if name in waves}
+    return {"c": 2.0 * wave / count.sum(), **waves, **turned}
 
 
 def _moments_of(sums: Floats, wave: complex) -> dict[str, float]:

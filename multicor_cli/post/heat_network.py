@@ -73,11 +73,10 @@ def heat_network(source: Run, frame: int = -1) -> HeatNetwork:
     flows = heat_flows(chosen, model)
     contacts = flows.contacts
     start = scene.center[contacts.i]
-    conductance = need_heat(chosen.contacts.conductance)[contacts.row]
     touch = start + contacts.arm
     columns = [Column("i", "", contacts.i), Column("j", "", contacts.j)]
     columns += [Column(f"touch_{k}", "m", touch[:, a], k) for a, k in enumerate("xy")]
-    columns += [Column("conductance", "W/K", conductance), Column("flow", "W", flows.flow)]
+    columns += [Column("conductance", "W/K", flows.conductance), Column("flow", "W", flows.flow)]
     summary = _numbers(flows, model)
     parts = {
         "scene": scene, "start": start, "end": start - contacts.branch, "touch": touch,

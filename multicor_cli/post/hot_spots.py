@@ -91,12 +91,18 @@ def hot_spots(
             melting of the materials, if one is given.
 
     Raises:
-        PostError: If the run has no heat, a material no Young's modulus or no conductivity, no
-            forces belong to these frames, or no contact slides in any of them.
+        PostError: If the run has no heat, or grains that are no discs; a material no Young's
+            modulus or no conductivity; no forces belong to these frames, or no contact slides in
+            any of them.
         StoreError: If the run cannot be read.
     """
     if source.model.thermal is None:
         need_heat(None)
+    if source.model.outlines is not None and not source.model.outlines.is_disc.all():
+        raise PostError(
+            "spots are those of discs, which count as spheres; of corners and sides of other "
+            "shapes no radius is known: look at temperatures of grains, with post map"
+        )
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
     chosen = with_forces(source, chosen)
@@ -160,8 +166,7 @@ class _Spots(NamedTuple):
 def _spots(model: Model, frame: Frame, materials: _Materials) -> _Spots:
     loaded = loaded_contacts(frame, model)
     slip = np.abs(np.asarray(frame.contacts.slip, np.float64)[loaded.row])
-    slides = np.asarray(frame.contacts.sliding, np.bool_)[loaded.row]
-    slides &= (loaded.force[:, 0] > 0.0) & (slip > 0.0)
+    slides = loaded.sliding & (loaded.force[:, 0] > 0.0) & (slip > 0.0)
     share = float(slides.mean()) if slides.size else np.nan
     rows = np.flatnonzero(slides)
     contacts, slip = loaded.only(rows), slip[rows]

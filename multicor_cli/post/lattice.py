@@ -53,6 +53,20 @@ class Lattice(NamedTuple):
             return self
         return self._replace(tilt=self.tilt - float(np.round(self.tilt / self.width)) * self.width)
 
+    @property
+    def vectors(self) -> Floats:
+        """From an image to those to the right and above [m], shape ``(2, 2)``."""
+        return np.array([[self.width, 0.0], [self.tilt, self.height]])
+
+    def nearest(self, ways: Floats) -> NDArray[np.int64]:
+        """By how many of the `vectors` ways [m] are longer than those to the nearest image."""
+        found = np.zeros(ways.shape, np.int64)
+        if self.height > 0.0:
+            found[:, Y] = np.round(ways[:, Y] / self.height)
+        if self.width > 0.0:
+            found[:, X] = np.round((ways[:, X] - found[:, Y] * self.tilt) / self.width)
+        return found
+
     def wrapped(self, points: Floats) -> Floats:
         """The images of points [m], shape ``(n, 2)``, that lie between the sides."""
         at = np.array(points)

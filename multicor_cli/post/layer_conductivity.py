@@ -217,7 +217,7 @@ def _measure(
     square = conductance * height / width
     return {
         "height": height, "width": width,
-        "solid_fraction": np.pi * float((model.grains.radius**2).sum()) / area,
+        "solid_fraction": np.pi * float((model.disc_radius**2).sum()) / area,
         "coordination": float(contacts.counts.sum()) / n,
         "joined": float(np.isfinite(temperature[:n]).mean()),
         "pressure": pressure,

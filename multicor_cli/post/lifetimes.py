@@ -175,11 +175,10 @@ def _contacts(source: Run, bulk: Bulk, frame: Frame) -> _Contacts:
     is_inside, force = bulk.holds(frame, contacts), contacts.force[:, 0]
     pressing = force[is_inside & (force > 0.0)]
     strong = force > (pressing.mean() if pressing.size else np.inf)
-    sliding = np.asarray(frame.contacts.sliding, np.bool_)[contacts.row]
     # Two grains may touch through two images: one contact, of every kind that either is.
     key, which = np.unique(ends[0] * (n + whole.shape_count) + ends[1], return_inverse=True)
     flags = np.zeros((3, key.size), np.bool_)
-    for own, flag in zip(flags, (is_inside, strong, sliding), strict=True):
+    for own, flag in zip(flags, (is_inside, strong, contacts.sliding), strict=True):
         own[which[flag]] = True
     return _Contacts(key, flags[0], np.stack([np.ones(key.size, np.bool_), *flags[1:]]))
 

@@ -62,7 +62,8 @@ def mobilized(
 
     F is the attraction of the pair (theory §3.1), at the gap of the contact; 0 without adhesion.
     Contacts that slide have 1, as the solver has found them. Of the others μ is that at the slip
-    and temperatures of the frame, where the solver took those before the step.
+    and temperatures of the frame, where the solver took those before the step. Contacts at several
+    points have |Σ f_t|/Σ μ (f_n + F): how points of a side share what holds it is not determined.
 
     Args:
         contacts: The contacts.
@@ -71,15 +72,20 @@ def mobilized(
         model: Its model.
         frame: The frame.
     """
-    normal, tangential = np.abs(contacts.force.T)
-    pair = model.material[contacts.i], model.material[contacts.j]
-    mu, pull = _friction(laws, pair, contacts, model, frame), np.zeros(normal.size)
+    points, of = contacts.points
+    normal, tangential = np.abs(points.force[:, 0]), np.abs(contacts.force[:, 1])
+    pair = model.material[points.i], model.material[points.j]
+    mu, pull = _friction(laws, pair, points, model, frame), np.zeros(normal.size)
     if laws.adhesion.size:
-        gap = np.asarray(frame.contacts.gap, np.float64)[contacts.row]
+        gap = np.asarray(frame.contacts.gap, np.float64)[points.row]
         pull = laws.adhesion[pair] * _share_of_force(laws, pair, gap)
-    pressing = contacts.force[:, 0] + pull
+    pressing = points.force[:, 0] + pull
     can_bear = (mu > 0.0) & (pressing > _NOISE * (normal + pull))
     bound = np.where(can_bear, mu * pressing, np.nan)
+    if contacts.shaped is not None:
+        bound = np.bincount(of, np.where(can_bear, bound, 0.0), tangential.size)
+        can_bear = bound > 0.0
+        bound[~can_bear] = np.nan
     part = np.minimum(tangential / bound, 1.0)
     return np.asarray(np.where(sliding & can_bear, 1.0, part))
 
@@ -191,7 +197,7 @@ def mobilization(source: Run, selection: Selection | None = None, bins: int = BI
     for frame in frames_of(source, chosen):
         model = model_of(source, frame)
         contacts = loaded_contacts(frame, model)
-        sliding = np.asarray(frame.contacts.sliding, np.bool_)[contacts.row]
+        sliding = contacts.sliding
         part = mobilized(contacts, sliding, laws(frame), model, frame)
         counted = ~contacts.is_wall & np.isfinite(part)
         counts.append(np.histogram(part[counted], edges)[0])

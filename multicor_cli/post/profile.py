@@ -168,7 +168,7 @@ class ProfileSet(Table):
         if len(self.tables) > 1:
             own = []
             for k, table in enumerate(self.tables):
-                labels = (table.field.name, f"error {table.field.name[-2:]}")
+                labels = (table.field.name, f"error {table.field.name.rpartition('-')[2]}")
                 own += [
                     column._replace(name=f"{column.name}_{k}", label=label)
                     for column, label in zip(table.columns[1:3], labels, strict=True)
@@ -283,9 +283,9 @@ def profiles(
     if groups:
         part = of_groups(part, groups)
     for field in fields:
-        if field.averaged is not None and field.needs_heat:
+        if field.averaged is not None and (field.needs_heat or field.needs_shapes):
             first = source.frames[int(chosen[0])]
-            # a run without heat is refused before anything else
+            # a run without them is refused before anything else
             field.averaged(first, model_of(source, first))
     if kind == "rate" and chosen.size < 2:
         label = fields[0].label
@@ -330,7 +330,7 @@ def _make_table(
     bins: Bins,
     groups: tuple[str, ...],
 ) -> ProfileTable:
-    value, error = average(sums)
+    value, error = average(sums, field.of_means)
     extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
     shear_rate = (speeds[1] - speeds[0]) / extent.height
@@ -356,8 +356,8 @@ def _make_table(
     ]
     parts: dict[str, Any] = {
         "field": field, "frames": chosen, "is_normalized": False, "width": bins.width,
-        "left_out": facts["excluded_at_walls"], "note": drift_note(sums), "groups": groups,
-        "about_groups": of_groups,
+        "left_out": facts["excluded_at_walls"], "note": drift_note(sums, field.of_means),
+        "groups": groups, "about_groups": of_groups,
     }  # fmt: skip
     return ProfileTable(columns, facts, **parts)
 
@@ -393,7 +393,8 @@ def _values_of(
             moving: Any = frame
             if flow is not None:
                 moving = RelativeFrame(frame, flow.fluctuation(frame))
-            return np.asarray(averaged(moving, model_of(source, frame)), np.float64)
+            found = averaged(moving, model_of(source, frame))
+            return np.asarray(found, np.complex128 if field.of_means else np.float64)
 
         def values(frame: Frame, shares: Shares) -> Floats:
             if field.of_velocity is None or not source.model.is_cell:

@@ -14,10 +14,13 @@ from multicor_cli.post.contacts import (
     LoadedContacts,
     heat_flows,
     loaded_contacts,
+    own_stress,
     with_conduction,
     with_forces,
 )
 from multicor_cli.post.flow import d2min, fluctuations
+from multicor_cli.post.lattice import Complexes
+from multicor_cli.post.orientation import axes_of, degrees_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -26,6 +29,7 @@ from multicor_cli.post.source import (
     need_heat,
     need_same_grains,
 )
+from multicor_cli.post.sums import OfMeans
 from multicor_cli.post.table import Quantity
 from multicor_cli.post.voronoi import Cells, cells_of
 
@@ -71,6 +75,7 @@ class GrainQuantity(Quantity):
         colors: Color map of its maps.
         scale: How values become colors.
         needs_heat: Whether only runs with heat have it.
+        needs_shapes: Whether only runs have it in which not all grains are discs.
         averaged: Values of grains that a profile averages, shape ``(n,)``; of a rate what they hold
             since the start of the run; None if contacts have the values, or without a profile.
         of_walls: Values of the walls of a frame, shape ``(w,)``, or None where walls have none.
@@ -85,13 +90,14 @@ class GrainQuantity(Quantity):
             images in a cell.
         of_others: Whether the value of a grain is about others, too, of whatever group.
         since_before: Whether ``averaged`` wants a `FrameSince`: what happens between two frames.
+        of_means: What a profile tells of its means, where ``averaged`` gives complex numbers.
     """
 
     of_grain: Callable[[Run, int], Floats] | None = None
     colors: Colors = "viridis"
     scale: Scale = "linear"
     needs_heat: bool = False
-    averaged: Callable[[Frame, Model], Floats] | None = None
+    averaged: Callable[[Frame, Model], Floats | Complexes] | None = None
     of_walls: Callable[[Frame, Model], Floats] | None = None
     kind: Kind = "mean"
     scaling: Scaling = "none"
@@ -103,6 +109,8 @@ class GrainQuantity(Quantity):
     of_velocity: Callable[[Floats], Floats] | None = None
     of_others: bool = False
     since_before: bool = False
+    needs_shapes: bool = False
+    of_means: OfMeans | None = None
 
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
@@ -190,6 +198,18 @@ def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int]
     return of_grain
 
 
+def _pressures(source: Run, frame: int) -> Floats:
+    """Half the trace of the stress of each grain [N/m]; of discs Σ f_n/(2π a), shape ``(n,)``."""
+    with_forces(source, np.array([frame]))
+    there = source.frames[frame]
+    model = model_of(source, there)
+    contacts = loaded_contacts(there, model)
+    if model.outlines is None:
+        return np.asarray(contacts.loads / (2.0 * np.pi * model.grains.radius))
+    xx, _, _, yy = own_stress(contacts, model).T
+    return np.asarray(0.5 * (xx + yy))
+
+
 def _of_cells(values: Callable[[Cells, Model], Any]) -> dict[str, Any]:
     """What a map shows and a profile averages of radical cells; open ones have no value."""
 
@@ -215,6 +235,11 @@ def _d2min(source: Run, frame: int) -> Floats:
     return d2min(model_of(source, there), source.frames[frame - 1], there)
 
 
+def _direction(mean: Complexes, whole: Complexes) -> Floats:
+    """θ of means of e^{2iθ} [°], within 90° of those of the whole."""
+    return np.asarray(degrees_of(whole) + np.degrees(0.5 * np.angle(mean * whole.conj())))
+
+
 def _heat_flux(source: Run, frame: int) -> Floats:
     """Flux of the heat that the contacts of each grain conduct [W/m], shape ``(n, 2)``.
 
@@ -230,7 +255,7 @@ def _heat_flux(source: Run, frame: int) -> Floats:
         carried = part * flows.virial(axis)
         flux[:, axis] = np.bincount(contacts.i, carried, n)
         flux[:, axis] += np.bincount(contacts.j[between], carried[between], n)
-    return np.asarray(flux / (np.pi * model.grains.radius**2)[:, np.newaxis])
+    return np.asarray(flux / model.area[:, np.newaxis])
 
 
 def _stress(a: int, b: int) -> GrainQuantity:
@@ -247,9 +272,9 @@ def _kinetic_stress(a: int, b: int) -> GrainQuantity:
     axes = "xy"[a] + "xy"[b]
 
     def averaged(frame: Frame, model: Model) -> Floats:
-        velocity, grains = np.asarray(frame.velocity, np.float64), model.grains
-        flux = grains.mass * velocity[:, a] * velocity[:, b]
-        return np.asarray(flux / (np.pi * grains.radius**2))
+        velocity = np.asarray(frame.velocity, np.float64)
+        flux = model.grains.mass * velocity[:, a] * velocity[:, b]
+        return np.asarray(flux / model.area)
 
     symbol = rf"\sigma^\mathrm{{kin}}_{{{axes}}}"
     name, label = f"kinetic-stress-{axes}", f"kinetic stress {axes}"
@@ -323,20 +348,31 @@ QUANTITIES: dict[str, GrainQuantity] = {
             scale="from zero",
         ),
         GrainQuantity("local-solid-fraction", "local solid fraction", r"\nu_i", "1", **_of_cells(
-            lambda cells, model: np.pi * model.grains.radius**2 / cells.area)),
+            lambda cells, model: model.area / cells.area)),
         GrainQuantity("hexatic", "hexatic order", r"|\psi_6|", "1", colors="cividis",
             scale="from zero", **_of_cells(lambda cells, _model: np.abs(cells.order()))),
         GrainQuantity("d2min", "non-affine motion", r"D^2_\mathrm{min}", "m2", _d2min, "magma",
             "logarithmic", averaged=_since_before, kind="number", of_others=True,
             since_before=True),
+        GrainQuantity(
+            "orientation", "direction of the long axis", r"\theta", "deg",
+            lambda source, frame: degrees_of(
+                axes_of(model_of(source, source.frames[frame]), source.frames[frame])
+            ),
+            needs_shapes=True,
+        ),
+        GrainQuantity("nematic-order", "nematic order", "S", "1", kind="number",
+            averaged=lambda frame, model: axes_of(model, frame), needs_shapes=True,
+            of_means=lambda mean, _whole: np.abs(mean)),
+        GrainQuantity("nematic-director", "director of the long axes", r"\theta_S", "deg",
+            averaged=lambda frame, model: axes_of(model, frame), needs_shapes=True,
+            kind="number", of_means=_direction),
         GrainQuantity("group", "group", "", "1", _kinds("group"),
             names_of=lambda model: model.groups),
         GrainQuantity("material", "material", "", "1", _kinds("material"),
             names_of=lambda model: model.materials),
-        # half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a)
         GrainQuantity(
-            "stress", "contact pressure in a grain", "p", "N/m",
-            _of_contacts(lambda c: c.loads / (2.0 * np.pi * c.reach_of[: c.grain_count])),
+            "stress", "contact pressure in a grain", "p", "N/m", _pressures,
             "cividis", "from zero",
         ),
         GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact",
@@ -360,6 +396,8 @@ upper layers move towards +x has σ_xy < 0. The pressure is half the trace of th
 local solid fraction is the area of a grain over that of its radical cell, hexatic order the modulus
 of ψ₆ of its neighbors there (`multicor_cli.post.voronoi.Cells`), and d2min the motion beside
 that of the neighborhood from a frame to the next (`multicor_cli.post.flow.d2min`).
+The nematic order of n long axes is |Σ e^{2iθ}|/n, 1 of parallel ones and about 1/√n by chance,
+their director ½ arg Σ e^{2iθ}; grains without a long axis do not count.
 """
 
 PROFILED: dict[str, GrainQuantity] = {
@@ -379,6 +417,7 @@ SAME = {"velocity-x": "velocity"}
 
 PROFILE_GROUPS: dict[str, tuple[str, ...]] = {
     "stress": ("stress-xx", "stress-xy", "stress-yx", "stress-yy"),
+    "nematic": ("nematic-order", "nematic-director"),
     "kinetic-stress": ("kinetic-stress-xx", "kinetic-stress-xy", "kinetic-stress-yy"),
 }
 """Profiles that are asked for together, by the name of the group."""

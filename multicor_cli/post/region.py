@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
+from multicor_cli.post.cuts import turned
 from multicor_cli.post.quantities import PROFILED
 from multicor_cli.post.source import (
     Frame,
@@ -37,6 +38,7 @@ QUANTITIES = tuple(
 """What is measured in a region; temperature in runs with heat only."""
 
 _ROUNDING = 1e-9
+_STEP = 1e-6  # of a grain, over which the nearest boundary is straight
 _PIECES = 8  # of a branch: narrow regions and corners lie between its ends
 _AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 
@@ -45,8 +47,9 @@ class RegionTable(TimeTable):
     """Values in a part of the plane; ``f`` frames.
 
     A grain counts with the part of its area that lies inside, where the boundary is taken for
-    straight across a grain; a contact with the part of its branch that does. Both are exact for
-    straight boundaries away from corners, and to the order of d/R for circles of radius R.
+    straight across a grain, parallel to what is nearest to its center; a contact with the part of
+    its branch that does. Both are exact for straight boundaries away from corners, and to the order
+    of d/R for circles of radius R.
 
     Attributes:
         area: Area of the part [m²].
@@ -111,9 +114,8 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
 def _measure(source: Run, frame: Frame, room: Room, size: float) -> tuple[int, dict[str, float]]:
     """Number of grains whose center is inside, and the values of a frame."""
     model, position = model_of(source, frame), np.asarray(frame.position, np.float64)[:, :2]
-    radius = model.grains.radius
-    depth = room.clearance(position)
-    share = part_inside(depth, radius)
+    radius, depth = model.disc_radius, room.clearance(position)
+    share = _part_inside(model, frame, position, depth, room)
     cover = np.pi * radius * radius * share
     velocity = np.asarray(frame.velocity, np.float64)
     mean = [_ratio(cover, velocity[:, axis]) for axis in (0, 1)]
@@ -136,6 +138,18 @@ def _measure(source: Run, frame: Frame, room: Room, size: float) -> tuple[int, d
         flux = float((mass * away[:, a]) @ away[:, b]) / size
         values[f"kinetic_stress_{name}"] = flux if share.any() else np.nan
     return int(np.count_nonzero(depth >= 0.0)), values
+
+
+def _part_inside(model: Model, frame: Frame, position: Floats, depth: Floats, room: Room) -> Floats:
+    """Part of the area of grains inside, whose centers are ``depth`` inside [m], ``(n,)``."""
+    if model.outlines is None:
+        return part_inside(depth, model.grains.radius)
+    step = _STEP * model.disc_radius[:, np.newaxis] * np.eye(2)[:, np.newaxis]
+    x, y = (room.clearance(position + way) - room.clearance(position - way) for way in step)
+    # Turned so that the way inside leads down
+    angle = np.asarray(frame.angle, np.float64) - 0.5 * np.pi - np.arctan2(y, x)
+    cut = turned(model, angle)
+    return np.asarray(cut.below(np.arange(depth.size), depth) / model.area)
 
 
 def part_inside(depth: Floats, radius: Floats) -> Floats:

@@ -15,7 +15,6 @@ from multicor_cli.post.bins import (
     Between,
     Bins,
     Extent,
-    area_below,
     find_extent,
     heights,
     make_bins,
@@ -32,6 +31,7 @@ from multicor_cli.post.bulk import (
     strain_and_spin,
 )
 from multicor_cli.post.contacts import has_forces
+from multicor_cli.post.cuts import cut_of
 from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
 from multicor_cli.post.lattice import lattice_of, relative_velocity
 from multicor_cli.post.source import (
@@ -66,8 +66,8 @@ def interval_sums(
     need_same_grains(first, second)
     model = model_of(source, second)
     low, high = band.edges(second)
-    y, radius = heights(second), model.grains.radius
-    solid = area_below(high - y, radius) - area_below(low - y, radius)
+    y, cut, everyone = heights(second), cut_of(model, second), np.arange(model.grain_count)
+    solid = cut.below(everyone, high - y) - cut.below(everyone, low - y)
     inside = (y > low) & (y < high)
     slip = flow.fluctuation(second)[inside]
     motion = (lapse, *strain_and_spin(band, model, first, second))
@@ -362,7 +362,7 @@ def _of_frames(model: Model, bins: Bins, first: Frame, second: Frame, lapse: flo
     slip, everywhere = relative_velocity(second), np.ones(model.grain_count, np.bool_)
     turn = np.asarray(second.angle, np.float64) - np.asarray(first.angle, np.float64)
     motion = (lapse, turn.mean(), 0.5 * (slip**2).sum(), len(slip))
-    shares = bins.share(heights(second), model.grains.radius, bins.place(second))
+    shares = bins.share(heights(second), cut_of(model, second), bins.place(second))
     moved = bins.total(shares, shares.area * slip[shares.grain, X])
     contacts = contact_sums(model, second, everywhere, -np.inf, np.inf)
     return np.array([*motion, *contacts, *moved, *bins.total(shares, shares.area)])
@@ -390,7 +390,7 @@ def _derive_cell(model: Model, height: float, sign: float, sums: Floats) -> dict
         **inertial_numbers(model, rate, pressure),
         "friction": sign * stress["xy"] / pressure,
         "normal_difference": 2.0 * half / pressure,
-        "solid_fraction": np.pi * (model.grains.radius**2).sum() * s["window"] / s["area"],
+        "solid_fraction": np.pi * (model.disc_radius**2).sum() * s["window"] / s["area"],
         **derive_contacts(s),
         "spin_over_flow": -2.0 * (s["turn"] / s["lapse"]) / rate,
         "granular_temperature": s["kinetic"] / s["weight"],

@@ -320,6 +320,11 @@ class _TurnedContacts:
     def normal(self) -> Floats:
         return _turn(self.contacts.normal)
 
+    @cached_property
+    def arm(self) -> Floats | None:
+        arm = self.contacts.arm
+        return None if arm is None else _turn(arm)
+
 
 @dataclass(frozen=True)
 class _TurnedFrame:
@@ -332,6 +337,10 @@ class _TurnedFrame:
     @cached_property
     def position(self) -> Floats:
         return _turn(self.frame.position)
+
+    @cached_property
+    def angle(self) -> Floats:
+        return np.asarray(self.frame.angle, np.float64) + 0.5 * np.pi
 
     @cached_property
     def wall_position(self) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BinPlace, Bins, Shares, heights, share_lines
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
+from multicor_cli.post.cuts import cut_of, reach_of
 from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
     Frame,
@@ -225,7 +226,7 @@ def _inefficiency(away: Floats) -> Floats:
 # ---- Sums over grains, contacts, bins and frames
 
 Values = Callable[[Frame, Shares], Floats]
-"""Values of the grains of a frame for each of some shares, shape ``(k,)``."""
+"""Values of the grains of a frame for each of some shares, real or complex, shape ``(k,)``."""
 
 ContactValues = Callable[[LoadedContacts], Floats]
 """Values of the contacts of a frame, shape ``(c,)``."""
@@ -260,11 +261,11 @@ def sum_grains(
     """
 
     def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
-        radius, place = model_of(source, frame).grains.radius, bins.place(frame)
-        shares = bins.share(heights(frame), radius, place)
+        model, place = model_of(source, frame), bins.place(frame)
+        shares = bins.share(heights(frame), cut_of(model, frame), place)
         counting = shares.area
         if kind == "number":
-            counting = shares.area * (1.0 / (np.pi * radius**2))[shares.grain]
+            counting = shares.area * (1.0 / model.area)[shares.grain]
         found = [value(frame, shares) for value in values]
         if not (known := np.isfinite(found).all(axis=0)).all():
             counting = np.where(known, counting, 0.0)
@@ -296,8 +297,8 @@ def sum_contacts(
             length = lines.area * contacts.parts(group.rows)[lines.grain]
         carried = [bins.total(lines, length * value(contacts)[lines.grain]) for value in values]
         weight = np.full(bins.count, place.width * plane_width(source, frame))
-        discs = bins.share(heights(frame), model_of(source, frame).grains.radius, place)
-        return carried, weight, bins.total(discs, discs.area)
+        grains = bins.share(heights(frame), cut_of(model_of(source, frame), frame), place)
+        return carried, weight, bins.total(grains, grains.area)
 
     return _gathered(map(row, frames_of(source, chosen)))
 
@@ -306,7 +307,7 @@ def sum_rates(
     source: Run, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
     """For increases per time and area, where grains are halfway; a row per interval of frames."""
-    radius = model_of(source, source.frames[int(chosen[0])]).grains.radius
+    model = model_of(source, source.frames[int(chosen[0])])
 
     def row(before: Frame, after: Frame, lapse: float) -> tuple[list[Floats], Floats, Floats]:
         need_same_grains(before, after)
@@ -315,12 +316,10 @@ def sum_rates(
         rise = heights(after) - heights(before)
         if bins.extent.is_cell:  # to the nearest image
             rise -= bins.extent.height * np.round(rise / bins.extent.height)
-        shares = bins.share(heights(before) + 0.5 * rise, radius, place)
+        shares = bins.share(heights(before) + 0.5 * rise, cut_of(model, before, after), place)
         gained = []
         for value in values:
-            gain = (value(after, shares) - value(before, shares)) / (np.pi * radius**2)[
-                shares.grain
-            ]
+            gain = (value(after, shares) - value(before, shares)) / model.area[shares.grain]
             gained.append(bins.total(shares, shares.area * gain))
         width = 0.5 * (plane_width(source, before) + plane_width(source, after))
         weight = np.full(bins.count, place.width * width * lapse)
@@ -336,18 +335,25 @@ def plane_width(source: Run, frame: Frame) -> float:
     if source.model.period > 0.0:
         return lattice_of(source.model, frame).width
     frame = getattr(frame, "whole", frame)  # of some groups: all grains fill the plane
-    x, radius = np.asarray(frame.position, np.float64)[:, 0], model_of(source, frame).grains.radius
-    return float((x + radius).max() - (x - radius).min())
+    x = np.asarray(frame.position, np.float64)[:, 0]
+    left, right = reach_of(model_of(source, frame), frame)[..., 0]
+    return float((x + right).max() - (x + left).min())
 
 
-def average(sums: Sums) -> tuple[Floats, Floats]:
-    """Means over the rows and their standard errors; nan where there is nothing."""
-    return _ratio(sums.value.sum(axis=0), sums.weight.sum(axis=0)), spread(row_values(sums)).error
+OfMeans = Callable[[NDArray[Any], NDArray[Any]], Floats]
+"""What is told of means over all rows or over some ``(…, b)``; the second ones are over all."""
 
 
-def drift_note(sums: Sums) -> str:
+def average(sums: Sums, of_means: OfMeans | None = None) -> tuple[Floats, Floats]:
+    """Means over the rows, or what is told of them, and standard errors; nan where nothing is."""
+    mean = _ratio(sums.value.sum(axis=0), sums.weight.sum(axis=0))
+    told = mean if of_means is None else of_means(mean, mean)
+    return told, spread(row_values(sums, of_means)).error
+
+
+def drift_note(sums: Sums, of_means: OfMeans | None = None) -> str:
     """A line on bins whose means drift, or have too few frames for good errors; empty for none."""
-    return note_on_bins(spread(row_values(sums)))
+    return note_on_bins(spread(row_values(sums, of_means)))
 
 
 def note_on_bins(found: Spread) -> str:
@@ -367,10 +373,13 @@ def note_on_bins(found: Spread) -> str:
     return "; ".join(told)
 
 
-def row_values(sums: Sums) -> Floats:
+def row_values(sums: Sums, of_means: OfMeans | None = None) -> Floats:
     """What each row says of the means; nan where a mean has no value without one of the rows."""
     value, weight = sums.value.sum(axis=0), sums.weight.sum(axis=0)
-    return pseudo_values(_ratio(value, weight), _ratio(value - sums.value, weight - sums.weight))
+    mean, without = _ratio(value, weight), _ratio(value - sums.value, weight - sums.weight)
+    if of_means is not None:
+        mean, without = of_means(mean, mean), of_means(without, mean)
+    return pseudo_values(mean, without)
 
 
 def _ratio(value: Floats, weight: Floats) -> Floats:

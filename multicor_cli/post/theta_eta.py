@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT, wall_spans
+from multicor_cli.post.cuts import reach_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -176,8 +177,8 @@ def _find_wall(source: Run, frame: Frame, name: str | None) -> int:
 def _distances(source: Run, frame: Frame, wall: int) -> tuple[Floats, float]:
     """Distances of grains from the surface of a wall below or above, and how far they reach [m]."""
     y = np.asarray(frame.position, np.float64)[:, 1]
-    radius = model_of(source, frame).grains.radius
-    bottom, top = float((y - radius).min()), float((y + radius).max())
+    down, up = reach_of(model_of(source, frame), frame)[..., 1]
+    bottom, top = float((y + down).min()), float((y + up).max())
     lows, highs = wall_spans(source.model)
     offset, middle = float(frame.wall_position[wall, 1]), float(np.median(y))
     if highs[wall] + offset < middle:

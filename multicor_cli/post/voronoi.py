@@ -126,7 +126,7 @@ def cells_of(model: Model, frame: Frame) -> Cells:
         for _, outline in walls
         if outline.is_grain and outline.radius is not None
     ]
-    discs = np.concatenate([np.column_stack([center, model.grains.radius]), *glued])
+    discs = np.concatenate([np.column_stack([center, model.disc_radius]), *glued])
     discs[n:, :2] = lattice.wrapped(discs[n:, :2])
     place, radius = discs[:, :2], discs[:, 2]
     around = [np.ptp(np.concatenate([x - radius, x + radius])) for x in place.T]
@@ -412,7 +412,7 @@ def _sums(source: Run, frame: Frame, margin: float, count: int) -> Floats:
     inside = region_of(source.model, frame, margin).which
     cells = cells_of(model, frame)
     known = inside[~cells.is_open[inside]]
-    solid, area = np.pi * model.grains.radius[known] ** 2, cells.area[known]
+    solid, area = model.area[known], cells.area[known]
     neighbors, order = cells.neighbors[known], np.nan_to_num(cells.order()[known])
     fraction = solid / area
     bin_ = np.minimum((fraction * count).astype(np.int64), count - 1)  # 1 and what rounding adds

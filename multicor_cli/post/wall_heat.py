@@ -12,6 +12,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import GIVEN, X
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.model.shapes import Outline
+from multicor_cli.post.cuts import spans
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -52,11 +53,11 @@ class WallHeatTable(TimeTable):
 
     h = Q/(A (T_wall − T_bed)), with the heat Q that a wall gives to the grains by contacts, gas and
     radiation (without the heat of friction that it receives), and the wetted area A = L b: L is the
-    sum of the diameters of the grains that touch the wall (with a contact that bears or conducts)
-    in the second frame of an interval, or a given length; b is the mean thickness of discs, and of
-    spheres the mean diameter, the thickness of a layer. The temperature of the bed is the mean by
-    heat capacity, over all grains or those near the wall, that of an interval the mean of its two
-    frames. Nu = h d̄/k.
+    sum of the diameters of the grains that touch the wall (with a contact that bears or conducts;
+    of grains that are no discs their widths along it) in the second frame of an interval, or a
+    given length; b is the mean thickness of discs, and of spheres the mean diameter, the thickness
+    of a layer. The temperature of the bed is the mean by heat capacity, over all grains or those
+    near the wall, that of an interval the mean of its two frames. Nu = h d̄/k.
 
     Attributes:
         time: Ends of the intervals [s], shape ``(r,)``.
@@ -176,7 +177,7 @@ def _thickness(model: Model) -> float:
     assert model.thermal is not None
     if model.shape_factor != SHAPE_FACTOR["disc"]:
         return model.mean_diameter
-    return float((model.thermal.surface / (2.0 * np.pi * model.grains.radius)).mean())
+    return float((model.thermal.surface / model.perimeter).mean())
 
 
 def _conductivity_of(source: Run, over: Over) -> float:
@@ -210,12 +211,19 @@ def _look(
 
 
 def _wetted(model: Model, frame: Frame, wall: int) -> float:
-    """Sum of the diameters of the grains that touch a wall [m]."""
+    """Sum of the diameters of the grains that touch a wall, or widths along it [m]."""
     contacts, n = frame.contacts, model.grain_count
     i, j = np.asarray(contacts.i), np.asarray(contacts.j)
     of_walls = np.flatnonzero(j >= n)
-    touching = i[of_walls[model.shapes.wall[j[of_walls] - n] == wall]]
-    return 2.0 * float(model.grains.radius[np.unique(touching)].sum())
+    of_walls = of_walls[model.shapes.wall[j[of_walls] - n] == wall]
+    touching, first = np.unique(i[of_walls], return_index=True)
+    if model.outlines is None:
+        return 2.0 * float(model.grains.radius[touching].sum())
+    x, y = np.asarray(contacts.normal, np.float64)[of_walls[first]].T
+    angle = np.array(frame.angle, np.float64)
+    angle[touching] += 0.5 * np.pi - np.arctan2(y, x)  # on a level floor
+    left, right = spans(model, angle)[:, touching, 0]
+    return float((right - left).sum())
 
 
 def _between(first: _Seen, second: _Seen, warm: float, lapse: float) -> tuple[float, ...]:

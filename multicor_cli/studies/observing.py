@@ -22,6 +22,7 @@ from multicor_cli.post.conductivity import conductivity
 from multicor_cli.post.correlation import LENGTHS, correlation
 from multicor_cli.post.diffusion import diffusion
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
+from multicor_cli.post.fabric import OF_SHAPES as OF_FABRIC_OF_SHAPES
 from multicor_cli.post.fabric import QUANTITIES as OF_FABRIC
 from multicor_cli.post.fabric import fabric
 from multicor_cli.post.grain_map import grain_map
@@ -158,6 +159,8 @@ def _over_time(
 ) -> Callable[[Run, Observable, Selection], Number]:
     def take(run: Run, row: Observable, selection: Selection) -> Number:
         found, name = measure(run, selection), str(row.value)
+        if name not in found.mean:
+            raise Unobservable(f"the run has no {name}: all its grains are discs")
         return Number(found.mean[name], found.error[name])
 
     return take
@@ -249,7 +252,10 @@ def _map(run: Run, row: Observable, _selection: Selection) -> Number:
 def _forces(run: Run, row: Observable, selection: Selection) -> Number:
     name = str(row.value)
     if name in forces.SUMMARY:
-        return Number(float(forces.force_network(run).summary[name]))
+        summary = forces.force_network(run).summary
+        if name not in summary:
+            raise Unobservable(f"the run has no {name}: all its grains are discs")
+        return Number(float(summary[name]))
     return Number(forces.angular_distribution(run, selection).moments[name])
 
 
@@ -279,7 +285,7 @@ SOURCES: dict[str, Source] = {
         tuple(dict.fromkeys(row.name for row in (*OF_RHEOLOGY, *CELL_QUANTITIES))), _rheology,
         needs_shear=True,
     ),
-    "fabric": Source(tuple(q.name for q in OF_FABRIC), _over_time(fabric)),
+    "fabric": Source(tuple(q.name for q in (*OF_FABRIC, *OF_FABRIC_OF_SHAPES)), _over_time(fabric)),
     "lifetimes": Source(LIFETIMES, _lifetimes),
     "chains": Source(tuple(q.name for q in OF_CHAINS), _over_time(chains)),
     "clusters": Source(tuple(q.name for q in OF_CLUSTERS), _over_time(clusters)),

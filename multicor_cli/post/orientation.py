@@ -1,0 +1,123 @@
+"""How grains lie that are no discs: their long axes, the order of these, where grains touch."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.outlines import Outlines
+from multicor_cli.post.contacts import LoadedContacts
+from multicor_cli.post.lattice import Complexes
+from multicor_cli.post.rings import rings_of
+from multicor_cli.post.source import Frame, PostError
+
+_ROUND = 1e-6  # relative difference of the principal second moments from which on an axis is long
+_AT_CORNER = 5e-3  # of the grain: what is nearer to a corner touches there
+
+KINDS = ("edge_edge", "edge_corner", "corner_corner")
+"""How grains touch; see `kinds_of`."""
+
+
+def axes_of(model: Model, frame: Frame) -> Complexes:
+    """e^{2iθ} of the directions θ of the long axes of the grains, shape ``(n,)``.
+
+    The long axis is that along which ∫ (x − x̄)² dA is largest; nan of grains that have none, as
+    discs and regular polygons. Raises `PostError` if all grains are discs.
+    """
+    if model.outlines is None:
+        raise PostError("discs have no long axes: choose a quantity that they have")
+    along = _stretch(model.outlines)
+    length = np.abs(along)
+    with np.errstate(invalid="ignore"):
+        unit = np.where(length > _ROUND, along / length, np.nan)
+    return np.asarray(unit * np.exp(2j * np.asarray(frame.angle, np.float64)))
+
+
+def degrees_of(axes: Complexes) -> Floats:
+    """θ of e^{2iθ} [°], 0 … 180."""
+    return np.asarray(np.degrees(0.5 * np.angle(axes)) % 180.0)
+
+
+def _stretch(outlines: Outlines) -> Complexes:
+    """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0."""
+    rings, n = rings_of(outlines), outlines.area.size
+    length = np.diff(rings.start)
+    grain = rings.grain.repeat(length)
+    after = np.arange(1, grain.size + 1)
+    after[rings.start[1:] - 1] = rings.start[:-1]
+    (x, y), (u, v) = rings.point.T, rings.point[after].T
+    cross = x * v - u * y
+
+    def total(values: Floats) -> Floats:
+        return np.asarray(np.bincount(grain, cross * values, n), np.float64)
+
+    area = total(np.full(grain.size, 0.5))
+    a, b = total((x + u) / 6.0) / area, total((y + v) / 6.0) / area
+    xx = total((x * x + x * u + u * u) / 12.0) - area * a * a
+    yy = total((y * y + y * v + v * v) / 12.0) - area * b * b
+    xy = total((x * v + 2.0 * x * y + 2.0 * u * v + u * y) / 24.0) - area * a * b
+    return np.asarray((xx - yy + 2j * xy) / (xx + yy))
+
+
+# ---- Contacts by kind
+
+
+def kinds_of(contacts: LoadedContacts, model: Model, frame: Frame) -> NDArray[np.int64]:
+    """Which of `KINDS` contacts between grains of any shape are, shape ``(c,)``; −1 with walls.
+
+    Edges meet where two points of the same pieces carry forces along the same normal. What touches
+    at one point does so with a corner, or at its rounding, of one or of both grains; of a contact
+    at several points of different pieces the one with the largest force counts. Discs and the ends
+    of rods are corners.
+    """
+    outlines = model.outlines
+    assert outlines is not None
+    points, of = contacts.points
+    count, between = contacts.i.size, ~points.is_wall
+    force = np.abs(points.force[:, 0])
+    order = np.lexsort((force, of))
+    strongest = np.zeros(count, np.int64)
+    strongest[of[order]] = order
+    near_corner, piece = np.zeros((2, of.size), np.bool_), np.zeros((2, of.size), np.int64)
+    arms = (points.arm, points.branch + points.arm)
+    for own, (end, arm) in enumerate(zip((points.i, points.j), arms, strict=True)):
+        grain = np.asarray(end, np.int64)[between]
+        where = _places(outlines, grain, _turned(arm[between], -np.asarray(frame.angle)[grain]))
+        near_corner[own, between], piece[own, between] = where
+    alike = (points.normal * points.normal[strongest[of]]).sum(axis=1) > 1.0 - _ROUND
+    alike &= (piece == piece[:, strongest[of]]).all(axis=0) & (force > 0.0)
+    is_side = np.bincount(of, alike, count) > 1.0
+    kind = np.where(is_side, 0, np.where(near_corner[:, strongest].all(axis=0), 2, 1))
+    return np.where(contacts.is_wall, -1, kind)
+
+
+def _turned(vectors: Floats, angle: Floats) -> Floats:
+    (x, y), c, s = vectors.T, np.cos(angle), np.sin(angle)
+    return np.column_stack([c * x - s * y, s * x + c * y])
+
+
+def _places(
+    outlines: Outlines, grain: NDArray[np.int64], at: Floats
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Whether points on the outlines of grains, from their centers at angle 0 [m], are at corners.
+
+    And the number of the piece that each is on; shapes ``(p,)``.
+    """
+    first = outlines.start[outlines.piece].astype(np.int64)
+    number = np.diff(first)[grain]
+    before = np.cumsum(number) - number
+    corner = np.arange(number.sum()) + np.repeat(first[grain] - before, number)
+    point = np.repeat(np.arange(grain.size), number)
+    after = np.arange(1, len(outlines.corner) + 1)
+    after[outlines.start[1:] - 1] = outlines.start[:-1]
+    piece = np.repeat(np.arange(outlines.rounding.size), np.diff(outlines.start))[corner]
+    edge = (outlines.corner[after] - outlines.corner)[corner]
+    way, square = at[point] - outlines.corner[corner], (edge * edge).sum(axis=1)
+    part = (way * edge).sum(axis=1) / np.where(square > 0.0, square, 1.0)
+    part = np.clip(part, 0.0, 1.0)
+    off = np.hypot(*(way - part[:, np.newaxis] * edge).T) - outlines.rounding[piece]
+    nearest = np.lexsort((np.abs(off), point))[before]
+    away = (np.minimum(part, 1.0 - part) * np.sqrt(square))[nearest]
+    size = np.sqrt(outlines.area / np.pi)[grain]
+    return away <= _AT_CORNER * size, piece[nearest]
