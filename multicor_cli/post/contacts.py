@@ -17,7 +17,7 @@ from multicor_cli.post.source import Frame, PostError, Run, need_heat
 if TYPE_CHECKING:
     from multicor_cli.store.frames import Contacts
 
-_SAME = 1e-9  # of the sum of normals: less than that, they cancel
+_SAME = 1e-9  # length of a mean normal from which on normals do not cancel
 
 
 class OfShapes(NamedTuple):
@@ -29,6 +29,7 @@ class OfShapes(NamedTuple):
         arm: From the center of i to where it touches j [m], likewise.
         virial: Force on i times branch: xx, xy, yx, yy [N m], shape ``(c, 4)``.
         own: Force on i times the way from where it touches j to its center [N m], likewise.
+        other: The same of j, with the force on it.
         number: At how many points they touch, shape ``(c,)``.
         sliding: Whether they slide at all points that carry a force, shape ``(c,)``.
     """
@@ -38,6 +39,7 @@ class OfShapes(NamedTuple):
     arm: Floats
     virial: Floats
     own: Floats
+    other: Floats
     number: NDArray[np.int64]
     sliding: NDArray[np.bool_]
 
@@ -45,7 +47,7 @@ class OfShapes(NamedTuple):
         """Those of some of them."""
         return OfShapes(
             self.normal[which], self.branch[which], self.arm[which], self.virial[which],
-            self.own[which], self.number[which], self.sliding[which],
+            self.own[which], self.other[which], self.number[which], self.sliding[which],
         )  # fmt: skip
 
 
@@ -218,8 +220,8 @@ def own_stress(contacts: LoadedContacts, model: Model) -> Floats:
         dyads = np.concatenate([dyad, dyad[between]])
         dyads /= (np.pi * model.grains.radius[grain])[:, np.newaxis]
     else:
-        own, whole = contacts.shaped.own, contacts.shaped.virial
-        dyads = np.concatenate([own, (whole - own)[between]]) / model.area[grain][:, np.newaxis]
+        dyads = np.concatenate([contacts.shaped.own, contacts.shaped.other[between]])
+        dyads /= model.area[grain][:, np.newaxis]
     return np.column_stack([np.bincount(grain, own, minlength=n) for own in dyads.T])
 
 
@@ -302,62 +304,67 @@ def contacts_at(
     )
     if model.outlines is None:
         return found
-    return _joined(frame, model, found, np.abs(found.force[:, 0]) if weight is None else weight)
+    points, pair = _points_of(frame, model, found)
+    return _joined(points, pair, np.abs(found.force[:, 0]) if weight is None else weight)
 
 
-def _joined(frame: Frame, model: Model, found: LoadedContacts, weight: Floats) -> LoadedContacts:
-    """Contacts of points in some rows of a frame, which count with weights, shape ``(p,)``.
+def _points_of(
+    frame: Frame, model: Model, found: LoadedContacts
+) -> tuple[LoadedContacts, NDArray[np.int64]]:
+    """Points as contacts of their own, and the first point of the frame of the same pair, ``(p,)``.
 
     The image of a grain j that i touches is the one whose center is nearest to where they touch.
     """
-    rows, lattice = found.rows, lattice_of(model, frame).reduced
+    rows, lattice, row = found.rows, lattice_of(model, frame).reduced, found.row
     i, j = np.asarray(rows.i, np.int64), np.asarray(rows.j, np.int64)
     normal, arm = (np.asarray(each, np.float64) for each in (rows.normal, rows.arm))
     is_wall, place = j >= model.grain_count, np.asarray(frame.position, np.float64)[:, :2]
-    way = place[i] + arm - place[np.where(is_wall, i, j)]
+    gap = np.asarray(rows.gap, np.float64)[:, np.newaxis] * normal
+    way = place[i] + arm - place[np.where(is_wall, i, j)]  # from the center of j
     image = lattice.nearest(way)
     image[is_wall] = 0
     way -= image @ lattice.vectors
-    gap = found.reach_of[j] + np.asarray(rows.gap, np.float64)
-    way[is_wall] = (gap[:, np.newaxis] * normal)[is_wall]
-    first, row = _first_alike(np.column_stack([i, j, image])), found.row
-    of_points = _of_points(found, normal[row], arm[row], way[row])
+    way[is_wall] = (gap + found.reach_of[j][:, np.newaxis] * normal)[is_wall]
+    normal, arm, way, gap = (each[row] for each in (normal, arm, way, gap))
+    virial, own, other = (
+        np.einsum("pa,pb->pab", found.vector, to).reshape(-1, 4)
+        for to in (way - arm, -arm, way - gap)
+    )
+    one = np.ones(row.size, np.int64)
+    of_points = OfShapes(normal, way - arm, arm, virial, own, other, one, found.sliding)
     points = replace(found, shaped=of_points)
-    pair_row, one, pair = np.unique(first[row], return_index=True, return_inverse=True)
+    return points, _first_alike(np.column_stack([i, j, image]))[row]
+
+
+def _joined(points: LoadedContacts, pair: NDArray[np.int64], weight: Floats) -> LoadedContacts:
+    """Contacts of points with these first ones and weights, shapes ``(p,)``."""
+    shaped = points.shaped
+    assert shaped is not None
+    row, one, of = np.unique(pair, return_index=True, return_inverse=True)
 
     def total(values: Floats) -> Floats:
-        return np.column_stack([np.bincount(pair, own, pair_row.size) for own in values.T])
+        return np.column_stack([np.bincount(of, own, row.size) for own in values.T])
 
-    is_single = of_points.number == np.bincount(pair)[pair]
-    weight = np.where(is_single | (np.bincount(pair, weight)[pair] == 0.0), 1.0, weight)
-    sum_of = np.bincount(pair, weight)[:, np.newaxis]
-    turned = total(weight[:, np.newaxis] * of_points.normal)
-    length = np.hypot(*turned.T)[:, np.newaxis]
-    is_clear = (length > _SAME * sum_of) & ~is_single[one, np.newaxis]
-    mean = np.where(is_clear, turned / np.where(is_clear, length, 1.0), of_points.normal[one])
-    (x, y), (f_x, f_y) = mean.T, total(points.vector).T
-    force = np.column_stack([f_x * x + f_y * y, f_y * x - f_x * y])
-    is_loaded = found.force[:, 0] != 0.0
-    slides, loaded = (np.bincount(pair, k & is_loaded) for k in (of_points.sliding, True))
+    is_single = np.bincount(of)[of] == 1
+    weight = np.where(is_single | (np.bincount(of, weight)[of] == 0.0), 1.0, weight)
+    weight = (weight / np.bincount(of, weight)[of])[:, np.newaxis]
+    mean, is_single = total(weight * shaped.normal), is_single[one, np.newaxis]
+    length = np.hypot(*mean.T)[:, np.newaxis]
+    is_clear = (length > _SAME) & ~is_single
+    normal = np.where(is_clear, mean / np.where(is_clear, length, 1.0), shaped.normal[one])
+    (x, y), (f, g) = normal.T, total(points.vector).T
+    force = np.column_stack([f * x + g * y, g * x - f * y])
+    is_loaded = points.force[:, 0] != 0.0
+    slides, loaded = (np.bincount(of, own & is_loaded) for own in (shaped.sliding, True))
     return replace(
-        found, i=found.i[one], j=found.j[one], row=pair_row, joined=Points(points, pair),
-        force=np.where(is_single[one, np.newaxis], found.force[one], force),
+        points, i=points.i[one], j=points.j[one], row=row, joined=Points(points, of),
+        force=np.where(is_single, points.force[one], force),
         shaped=OfShapes(
-            mean,
-            branch=total(weight[:, np.newaxis] * of_points.branch) / sum_of,
-            arm=total(weight[:, np.newaxis] * of_points.arm) / sum_of,
-            virial=total(of_points.virial), own=total(of_points.own),
-            number=np.bincount(pair), sliding=(slides == loaded) & (slides > 0),
+            normal, total(weight * shaped.branch), total(weight * shaped.arm),
+            total(shaped.virial), total(shaped.own), total(shaped.other),
+            np.bincount(of), (slides == loaded) & (slides > 0),
         ),
     )  # fmt: skip
-
-
-def _of_points(points: LoadedContacts, normal: Floats, arm: Floats, way: Floats) -> OfShapes:
-    """What points have, with ways to where i is touched from its center, and from that of j [m]."""
-    force = points.vector
-    virial, own = (np.einsum("pa,pb->pab", force, to).reshape(-1, 4) for to in (way - arm, -arm))
-    one = np.ones(points.i.size, np.int64)
-    return OfShapes(normal, way - arm, arm, virial, own, one, points.sliding)
 
 
 def _first_alike(keys: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 level lines added up, and closed forms."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -48,7 +49,9 @@ def test_sharp_polygons_are_cut_exactly():
     model, angle = shaped_model([[(p, 0.0)] for p in polygons]), random.uniform(-9.0, 9.0, 40)
     cut = turned(model, angle)
     grain, height = np.repeat(np.arange(40), 50), random.uniform(-2.5, 2.5, 2000)
-    expected = [below(rotated(polygons[k], angle[k]), h) for k, h in zip(grain, height, strict=True)]
+    expected = [
+        below(rotated(polygons[k], angle[k]), h) for k, h in zip(grain, height, strict=True)
+    ]
     assert cut.below(grain, height) == pytest.approx(np.array(expected), abs=1e-13)
     y = [rotated(p, a)[:, 1] for p, a in zip(polygons, angle, strict=True)]
     assert cut.low == pytest.approx([each.min() for each in y])
@@ -184,7 +187,7 @@ def test_profiles_against_level_lines():
     source.model = replace(model, thermal=object())
     heat = post.profile(source, "heat", ALL, 12).value
     gained = np.zeros(12)
-    for first, second in zip(frames[:-1], frames[1:], strict=True):
+    for first, second in pairwise(frames):
         y, angle = 0.5 * (first.position + second.position)[:, 1], first.angle + second.angle
         half = areas(y, 0.5 * angle, edges)
         gained += ((second.generated - first.generated) / model.area) @ half
