@@ -303,7 +303,8 @@ def fabric(
 
     Anisotropies of contacts, forces and branch lengths are those along the major principal stress;
     half of their sum is about q/p. Strong contacts carry more than the mean normal force. In a
-    layer between two walls contacts of the bulk count, elsewhere all.
+    layer between two walls contacts of the bulk count, elsewhere all. Of grains that are no discs
+    also contacts by kind, with their share of the forces, and the order of long axes.
     """
     from multicor_cli import post
 

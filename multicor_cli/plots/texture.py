@@ -52,6 +52,15 @@ _OF_FABRIC: Panels = (
     ("share of sliding [–]", tuple((f"{name}_sliding", name) for name in _NETWORKS)),
     ("mobilization [–]", tuple((f"{name}_mobilization", name) for name in _NETWORKS)),
 )  # fmt: skip
+_KINDS = (
+    ("edge_edge", "edges"), ("edge_corner", "edge, corner"), ("corner_corner", "corners"),
+)  # fmt: skip
+_OF_SHAPES: Panels = (
+    ("share of contacts [–]", _KINDS),
+    ("share of forces [–]", tuple((f"{name}_force", text) for name, text in _KINDS)),
+    ("anisotropy $a_{lt}$ [–]", (("a_lt", ""),)),
+    ("nematic order [–]", (("nematic_order", ""),)),
+)
 _OF_CHAINS: Panels = (
     ("chains/1000 grains [–]", (("chains", ""),)),
     ("share of grains [–]", (("share", ""),)),
@@ -68,10 +77,18 @@ _OF_CLUSTERS: Panels = (
 )
 
 
-def _over_time(panels: Panels, rows: int, columns: int, height: float) -> Renderer:
+def _over_time(panels: Panels, height: float, more: Panels = ()) -> Renderer:
+    """Two panels beside each other, of a height over the width of the page; of some tables more."""
+
+    def of(table: TimeTable) -> Panels:
+        return (*panels, *(panel for panel in more if panel[1][0][0] in table.values))
+
+    def size(table: TimeTable) -> tuple[float, float]:
+        return PAGE, height * len(of(table)) / len(panels) * PAGE
+
     def draw(figure: Any, table: TimeTable) -> None:
-        grid = figure.subplots(rows, columns, sharex=True)
-        draw_panels(figure, grid, table, panels)
+        grid = figure.subplots(len(of(table)) // 2, 2, sharex=True)
+        draw_panels(figure, grid, table, of(table))
 
     def text(table: TimeTable, _terminal: Terminal) -> str:
         return draw_charts(
@@ -82,7 +99,7 @@ def _over_time(panels: Panels, rows: int, columns: int, height: float) -> Render
             for label, quantities in panels[:3]
         )
 
-    return Renderer(lambda _: (PAGE, height * PAGE), draw, text)
+    return Renderer(size, draw, text)
 
 
 # ---- Lengths of chains, and the chains of a frame
@@ -189,9 +206,9 @@ def lifetimes_text(table: Lifetimes, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    Fabric: _over_time(_OF_FABRIC, 4, 2, 0.9),
-    Chains: _over_time(_OF_CHAINS, 3, 2, 0.72),
-    Clusters: _over_time(_OF_CLUSTERS, 2, 2, 0.52),
+    Fabric: _over_time(_OF_FABRIC, 0.9, _OF_SHAPES),
+    Chains: _over_time(_OF_CHAINS, 0.72),
+    Clusters: _over_time(_OF_CLUSTERS, 0.52),
     ChainLengths: Renderer(
         lambda _: (COLUMN, 0.85 * COLUMN),
         lambda figure, table: draw_lengths(figure.add_subplot(), table),

@@ -63,16 +63,16 @@ _SHARES = (
 )
 
 OF_SHAPES = (
-    *(Quantity(f"{of}a_lt", f"{name}of branches across normals a_lt", "a_lt")
+    *(Quantity(f"{of}a_lt", f"{name}of branches across normals a_lt", "a_{lt}")
       for of, name in (("", ""), ("strong_", "strong: "), ("weak_", "weak: "))),
     *(Quantity(name, f"{label}, share") for name, label in _SHARES),
     *(Quantity(f"{name}_force", f"{label}, share of the normal forces") for name, label in _SHARES),
-    Quantity("nematic_order", "nematic order of the long axes", "S"),
-    Quantity("director", "their director", r"\theta_S", "deg"),
+    Quantity("nematic_order", "nematic order", "S"),
+    Quantity("nematic_director", "director of the long axes", r"\theta_S", "deg"),
 )  # fmt: skip
 """What else it measures where not all grains are discs."""
 
-_DIRECTIONS = ("theta_s", "theta_c", "director")
+_DIRECTIONS = ("theta_s", "theta_c", "nematic_director")
 
 
 class Fabric(TimeTable):
@@ -198,7 +198,7 @@ def _of_shapes(
     axes = axes[np.isfinite(axes)]
     if axes.size:
         mean = complex(axes.mean())
-        found |= {"nematic_order": abs(mean), "director": _degrees(mean)}
+        found |= {"nematic_order": abs(mean), "nematic_director": _degrees(mean)}
     return found
 
 

@@ -9,6 +9,7 @@ from multicor_cli.model import shapes
 from multicor_cli.post.avalanches import EVENTS
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.energy import HEAT, MECHANICAL
+from multicor_cli.post.fabric import OF_SHAPES
 from multicor_cli.post.field_sums import Known, field_list
 from multicor_cli.post.forces import NUMBERS
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES
@@ -52,6 +53,7 @@ MEASURED: dict[str, tuple[Quantity, ...]] = {
     "rheology of a cell": CELL_QUANTITIES,
     "region": OF_REGION,
     "conductivity": (*OF_CONDUCTIVITY, *FLUX_QUANTITIES),
+    "fabric": OF_SHAPES,
     "forces": tuple(Quantity(n, *_label_and_unit(text)) for n, text in NUMBERS.items()),
     "mixing": (*MIXING, *SEGREGATION.values()),
     "avalanches": EVENTS,

@@ -131,7 +131,7 @@ def test_order_in_fabric_is_that_of_all_grains():
     mean = post.fabric(rods(angle, contacts=contacts), ALL).mean
     wave = np.exp(2j * angle).mean()
     assert mean["nematic_order"] == pytest.approx(abs(wave))
-    assert mean["director"] == pytest.approx(np.degrees(0.5 * np.angle(wave)))
+    assert mean["nematic_director"] == pytest.approx(np.degrees(0.5 * np.angle(wave)))
 
 
 @pytest.mark.parametrize("of", ["nematic-order", "nematic-director"])

@@ -190,7 +190,11 @@ def test_maps_and_forces(run):
     assert taken(run, statistic="max", **keys)[0] == values.max()
     assert math.isnan(taken(run, **keys)[1])
     network, angles = printed(run, "forces"), printed(run, "forces", "--angles")
-    for name in SOURCES["forces"].names:
+    with pytest.raises(Unobservable, match="all its grains are discs"):
+        taken(run, post="forces", value="points")
+    with pytest.raises(Unobservable, match="all its grains are discs"):
+        taken(run, post="fabric", value="nematic_order")
+    for name in (name for name in SOURCES["forces"].names if name != "points"):
         expected = network[name] if name in network else angles[name]
         assert taken(run, post="forces", value=name)[0] == pytest.approx(expected, nan_ok=True), (
             name
