@@ -343,7 +343,8 @@ def _joined(points: LoadedContacts, pair: NDArray[np.int64], weight: Floats) -> 
     row, one, of = np.unique(pair, return_index=True, return_inverse=True)
 
     def total(values: Floats) -> Floats:
-        return np.column_stack([np.bincount(of, own, row.size) for own in values.T])
+        columns = [np.bincount(of, own, row.size) for own in values.T]
+        return np.column_stack(columns).astype(np.float64, copy=False)  # integers of none
 
     is_single = np.bincount(of)[of] == 1
     weight = np.where(is_single | (np.bincount(of, weight)[of] == 0.0), 1.0, weight)

@@ -83,9 +83,9 @@ def mobilized(
     can_bear = (mu > 0.0) & (pressing > _NOISE * (normal + pull))
     bound = np.where(can_bear, mu * pressing, np.nan)
     if contacts.shaped is not None:
-        bound = np.bincount(of, np.where(can_bear, bound, 0.0), tangential.size)
-        can_bear = bound > 0.0
-        bound[~can_bear] = np.nan
+        total = np.bincount(of, np.where(can_bear, bound, 0.0), tangential.size)
+        can_bear = total > 0.0
+        bound = np.where(can_bear, total, np.nan)
     part = np.minimum(tangential / bound, 1.0)
     return np.asarray(np.where(sliding & can_bear, 1.0, part))
 

@@ -240,6 +240,18 @@ def test_friction_of_a_side_is_mobilized_by_both_points_together():
     assert both.sliding == both.mean == 1.0
 
 
+def test_frames_without_contacts_have_none():
+    """Beside one that has some."""
+    source, none = column(), points_of([], [], np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
+    frame = shaped_frame(np.array([[0.0, 1.0], [0.0, 2.0]]), walls=1, contacts=none)
+    both = source_of(source.model, [frame, source.frames[0]])
+    assert post.fabric(both, ALL).values["contacts"].tolist() == [0.0, 1.0]
+    assert post.clusters(both, ALL).mean["clusters"] == 0.0
+    assert post.mobilization(both, ALL).contacts == 1
+    assert post.profile(both, "stress-yy", ALL, 1).value[0] > 0.0
+    assert loaded_contacts(frame, source.model).force.dtype == np.float64
+
+
 def test_lifetimes_count_pairs():
     first, last = column(), column(((3.0, 0.0), (0.0, 0.0)))
     source = source_of(first.model, [first.frames[0], last.frames[0]])
