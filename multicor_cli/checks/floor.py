@@ -21,12 +21,14 @@ from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
+from multicor_cli.post.cuts import spans
 from multicor_cli.post.source import placed_walls
 
 # ---- Whether grains can fall out of what holds them
 
 _MOST_CELLS = 1500
 _MARGIN = 3
+_DIRECTIONS = 36  # in which grains that are no discs are measured
 
 Flags = NDArray[np.bool_]
 
@@ -98,8 +100,17 @@ def _larger(gravity: Floats) -> int:
     return 1 if abs(gravity[1]) >= abs(gravity[0]) else 0
 
 
+def _smallest(model: Model) -> float:
+    """The smallest radius, of grains that are no discs the least half width [m]."""
+    if model.outlines is None:
+        return float(model.grains.radius.min())
+    turns = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+    ends = [spans(model, np.full(model.grain_count, turn))[..., 0] for turn in turns]
+    return 0.5 * float(min((right - left).min() for left, right in ends))
+
+
 def _make_grid(model: Model, center: Floats, walls: list[Outline]) -> _Grid:
-    radius = float(model.grains.radius.min())
+    radius = _smallest(model)
     ends = [corners for outline in walls for corners in outline.corners()]
     points = np.concatenate([center, *ends])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -113,7 +124,7 @@ def _make_grid(model: Model, center: Floats, walls: list[Outline]) -> _Grid:
 
 def _blocked(model: Model, grid: _Grid, walls: list[Outline]) -> Flags:
     """Cells in which the smallest grain would touch a wall."""
-    reach = max(float(model.grains.radius.min()), 0.75 * grid.size)
+    reach = max(_smallest(model), 0.75 * grid.size)
     found = np.zeros((grid.rows, grid.columns), np.bool_)
     for outline in walls:
         left, right = outline.corners()[:, :, 0]

@@ -1,18 +1,21 @@
 """Each check of a scenario, provoked by a scenario that deserves it."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from cut_runs import BOX
 from scenes import HEATED, PACKED, SMALL, changed, write_small
+from shaped import rod, shaped_model
 
 from multicor_cli import check_scenario
 from multicor_cli.checks import Verdict, resolution, worst_verdict
 from multicor_cli.checks.floor import escape_share
 from multicor_cli.checks.resolution import impact_deflection
 from multicor_cli.engine.heat.hertz import contact_modulus
+from multicor_cli.model import ShapeKind
 from multicor_cli.packing import build
 from multicor_cli.scenario import load_scenario
 
@@ -183,6 +186,19 @@ def test_grains_that_can_get_out(walls, share, tmp_path):
             place[:, :2] = np.column_stack([-place[:, 1], place[:, 0]])
         state.wall_position[:, 2] += 0.5 * math.pi
         assert share_of(model, state) == share
+
+
+def test_rods_get_out_of_gaps_that_are_wider_than_they_are():
+    """0.4 m wide and 2 m long ones: of a gap of 1 m, not of one of 0.3 m."""
+    for gap, share in ((1.0, 1.0), (0.3, 0.0)):
+        floor = [(-9.0, 0.0, -0.5 * gap, 0.0), (0.5 * gap, 0.0, 9.0, 0.0)]
+        shapes = [(ShapeKind.SEGMENT, 0, ends) for ends in floor]
+        sides = [(ShapeKind.PLANE, 1, (-5.0, 0, 1, 0)), (ShapeKind.PLANE, 1, (5.0, 0, -1, 0))]
+        model = shaped_model([[rod(1.6, 0.2)]] * 2, shapes + sides, ("floor", "sides"))
+        place = np.array([[-2.0, 1.5, 0.0], [2.0, 1.5, 0.0]])
+        assert escape_share(model, place, np.zeros((2, 3)), model.gravity) == share
+    discs = replace(model, outlines=None)
+    assert escape_share(discs, place, np.zeros((2, 3)), model.gravity) == 0.0
 
 
 def test_a_floor_holds_those_alone_that_meet_it_where_there_is_gravity(tmp_path):
