@@ -35,8 +35,9 @@ def axes_of(model: Model, frame: Frame) -> Complexes:
 
 
 def degrees_of(axes: Complexes) -> Floats:
-    """θ of e^{2iθ} [°], 0 … 180."""
-    return np.asarray(np.degrees(0.5 * np.angle(axes)) % 180.0)
+    """θ of e^{2iθ} [°], from 0 to below 180."""
+    found = np.degrees(0.5 * np.angle(axes)) % 180.0
+    return np.asarray(np.where(found == 180.0, 0.0, found))  # of −0 but for rounding
 
 
 def _stretch(outlines: Outlines) -> Complexes:

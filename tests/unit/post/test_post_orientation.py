@@ -1,5 +1,7 @@
 """Long axes of grains and their nematic order: closed forms, sampled points, and plain loops."""
 
+from dataclasses import replace
+
 import numpy as np
 import post_oracle as oracle
 import pytest
@@ -117,10 +119,20 @@ def test_grains_without_an_axis_do_not_count():
     assert np.isnan(values[1:]).all()
 
 
+def test_order_of_a_group():
+    angle = np.array([0.0, 0.5, 0.0, 0.5, 0.0])
+    source = rods(angle)
+    grains = replace(source.model.grains, group=np.array([0, 1, 0, 1, 0], np.int32))
+    model = replace(source.model, grains=grains, groups=("flat", "tilted"))
+    for name, direction in (("flat", 0.0), ("tilted", 0.5)):
+        of = profiles(source_of(model, source.frames), "nematic", ALL, 1, groups=[name]).tables
+        assert [table.value[0] for table in of] == pytest.approx([1.0, np.degrees(direction)])
+
+
 def test_directions_are_from_0_to_180_degrees():
     angle = np.radians([-10.0, 0.0, 90.0, 170.0, 180.0, 350.0])
     found = degrees_of(np.exp(2j * angle))
-    assert ((found >= 0.0) & (found <= 180.0)).all()
+    assert ((found >= 0.0) & (found < 180.0)).all()
     assert (found - [170, 0, 90, 170, 0, 170] + 90.0) % 180.0 == pytest.approx(np.full(6, 90.0))
 
 

@@ -21,6 +21,7 @@ from multicor_cli.post.contacts import (
 from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.orientation import KINDS, kinds_of
 from multicor_cli.post.source import turned
+from multicor_cli.post.wall_heat import _wetted
 
 ALL = post.Selection(start=0.0)
 GAP = 1e-3
@@ -433,3 +434,15 @@ def test_models_of_discs_have_rows_as_contacts():
     found = contacts_at(frame, model, np.arange(2))
     assert found.joined is None
     assert found.counts.tolist() == found.point_counts.tolist() == [2, 2]
+
+
+@pytest.mark.parametrize(("angle", "width"), [(0.0, 2.0), (np.pi / 2.0, 0.5), (np.pi / 6.0, 1.982)])
+def test_what_touches_a_wall_wets_its_width_along_it(angle, width):
+    """On a floor, and turned with it; a side that touches at two points counts once."""
+    model = shaped_model([[box(2.0, 0.5)]] * 3, FLOOR)
+    contacts = points_of([0, 0, 1], [3, 3, 3], (0.0, 1.0), (1.0, 0.0), (0.0, -0.5))
+    frame = shaped_frame(np.zeros((3, 2)), angle, walls=1, contacts=contacts)
+    assert _wetted(model, frame, 0) == pytest.approx(2.0 * width, rel=1e-3)
+    contacts.normal = np.tile([np.cos(1.0), np.sin(1.0)], (3, 1))
+    frame.angle += 1.0 - np.pi / 2.0
+    assert _wetted(model, frame, 0) == pytest.approx(2.0 * width, rel=1e-3)
