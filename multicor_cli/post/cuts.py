@@ -37,14 +37,10 @@ def cut_of(model: Model, *frames: Frame) -> Cut:
 
 
 def turned(model: Model, angle: Floats) -> Cut:
-    """The grains turned by angles [rad], shape ``(n,)``."""
-    outlines = model.outlines
-    if outlines is None:
-        return _Discs(model.grains.radius)
-    rings = rings_of(outlines)
-    scale = outlines.area / rings.area
-    low, high = spans(model, angle)[:, :, 1]
-    return _Shapes(low, high, *_lines(rings, angle, scale))
+    """Grains of any shape, turned by angles [rad], shape ``(n,)``."""
+    assert model.outlines is not None
+    rings, (low, high) = rings_of(model.outlines), spans(model, angle)[:, :, 1]
+    return _Shapes(low, high, *_lines(rings, angle, model.area / rings.area))
 
 
 def reach_of(model: Model, frame: Frame) -> Floats:
@@ -56,7 +52,7 @@ def reach_of(model: Model, frame: Frame) -> Floats:
 
 
 def spans(model: Model, angle: Floats) -> Floats:
-    """The same of grains of any shape, turned by angles [rad]."""
+    """The same of grains of any shape, turned by angles [rad], shape ``(n,)``."""
     outlines = model.outlines
     assert outlines is not None
     piece = np.repeat(np.arange(outlines.rounding.size), np.diff(outlines.start))

@@ -23,6 +23,7 @@ from shaped import (
 from multicor_cli import post
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import Polygon, Rectangle
+from multicor_cli.post import cuts
 from multicor_cli.post.cuts import area_below, cut_of, reach_of, turned
 from multicor_cli.post.rings import rings_of
 from multicor_cli.post.source import turned as turned_run
@@ -56,6 +57,16 @@ def test_sharp_polygons_are_cut_exactly():
     y = [rotated(p, a)[:, 1] for p, a in zip(polygons, angle, strict=True)]
     assert cut.low == pytest.approx([each.min() for each in y])
     assert cut.high == pytest.approx([each.max() for each in y])
+
+
+def test_many_lines_are_looked_at_in_parts(monkeypatch):
+    random = np.random.default_rng(2)
+    model = shaped_model([[(random_polygon(random), 0.1)] for _ in range(9)])
+    cut, grain = turned(model, np.arange(9.0)), random.integers(0, 9, 500)
+    height = random.uniform(-2.0, 2.0, 500)
+    whole = cut.below(grain, height)
+    monkeypatch.setattr(cuts, "_AT_ONCE", 100)
+    assert cut.below(grain, height).tolist() == whole.tolist()
 
 
 def test_no_grain_and_level_sides():
