@@ -40,7 +40,12 @@ def turned(model: Model, angle: Floats) -> Cut:
     """Grains of any shape, turned by angles [rad], shape ``(n,)``."""
     assert model.outlines is not None
     rings, (low, high) = rings_of(model.outlines), spans(model, angle)[:, :, 1]
-    return _Shapes(low, high, *_lines(rings, angle, model.area / rings.area))
+    grain, *ends = sides_of(rings)
+    c, s = np.cos(angle)[grain], np.sin(angle)[grain]
+    (x, start), (u, end) = ((c * a - s * b, s * a + c * b) for a, b in (at.T for at in ends))
+    first = np.concatenate([[0], np.cumsum(np.bincount(grain, minlength=angle.size))])
+    # So that grains have their true area
+    return _Shapes(low, high, first, start, end, (u - x) * (model.area / rings.area)[grain])
 
 
 def reach_of(model: Model, frame: Frame) -> Floats:
@@ -127,18 +132,8 @@ class _Shapes(NamedTuple):
         return np.concatenate(found)
 
 
-def _lines(
-    rings: Rings, angle: Floats, scale: Floats
-) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
-    """First line of each grain, heights of the ends of lines, and their way to the right [m].
-
-    That is scaled, so that grains have their true area.
-    """
-    length = np.diff(rings.start)
-    grain = rings.grain.repeat(length)
-    after = np.arange(1, grain.size + 1)
+def sides_of(rings: Rings) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """The grain of each line around grains, where it begins and ends [m], ``(s,)``, ``(s, 2)``."""
+    after = np.arange(1, len(rings.point) + 1)
     after[rings.start[1:] - 1] = rings.start[:-1]
-    (x, y), c, s = rings.point.T, np.cos(angle)[grain], np.sin(angle)[grain]
-    across, upwards = c * x - s * y, s * x + c * y
-    first = np.concatenate([[0], np.cumsum(np.bincount(grain, minlength=angle.size))])
-    return first, upwards, upwards[after], (across[after] - across) * scale[grain]
+    return rings.grain.repeat(np.diff(rings.start)), rings.point, rings.point[after]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.post.contacts import LoadedContacts
+from multicor_cli.post.cuts import sides_of
 from multicor_cli.post.lattice import Complexes
 from multicor_cli.post.rings import rings_of
 from multicor_cli.post.source import Frame, PostError
@@ -42,12 +43,8 @@ def degrees_of(axes: Complexes) -> Floats:
 
 def _stretch(outlines: Outlines) -> Complexes:
     """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0."""
-    rings, n = rings_of(outlines), outlines.area.size
-    length = np.diff(rings.start)
-    grain = rings.grain.repeat(length)
-    after = np.arange(1, grain.size + 1)
-    after[rings.start[1:] - 1] = rings.start[:-1]
-    (x, y), (u, v) = rings.point.T, rings.point[after].T
+    grain, start, end = sides_of(rings_of(outlines))
+    (x, y), (u, v), n = start.T, end.T, outlines.area.size
     cross = x * v - u * y
 
     def total(values: Floats) -> Floats:

@@ -65,7 +65,7 @@ def shaped_frame(position, angle=0.0, *, contacts=None, **said):
     """As `frame_of`, with angles."""
     angle = np.broadcast_to(np.asarray(angle, float), len(position)).copy()
     said |= {} if contacts is None else {"contacts": contacts}
-    return frame_of(position, angle=angle, **said)
+    return frame_of(position, angle=angle, is_open=False, **said)
 
 
 def points_of(i, j, normal, force, arm, gap=0.0, sliding=False):
