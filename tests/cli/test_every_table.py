@@ -11,6 +11,7 @@ import pytest
 from command_line import call
 from scenarios import plane, toml
 from scene_parts import between_planes
+from shaped_run import write_shaped_run
 from walled import COUNT, FLOOR, FRICTION, LID, PERIOD, RUNS, SMOOTH
 
 from multicor_cli.cli.post_commands import COMMANDS
@@ -564,6 +565,9 @@ BY_HAND = {
 }
 
 
+ANY_SHAPE = "grains of any shape"
+
+
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """The odd runs by name."""
@@ -575,7 +579,8 @@ def runs(tmp_path_factory):
         assert done.returncode == 0, done.stderr
     for name, (places, frames) in BY_HAND.items():
         write_by_hand(folder / name, places, frames)
-    return {name: folder / name for name in (*SCENARIOS, *BY_HAND)}
+    write_shaped_run(folder / ANY_SHAPE, heat=True)
+    return {name: folder / name for name in (*SCENARIOS, *BY_HAND, ANY_SHAPE)}
 
 
 REGION_SEEN = "{ min = [0.3, 0.0], max = [0.7, 0.2] }"
@@ -633,7 +638,7 @@ OTHERS = [
 ]  # fmt: skip
 
 
-SHOWN = ("one grain", "none at first", "all in one place")
+SHOWN = ("one grain", ANY_SHAPE, "none at first", "all in one place")
 """Of these runs every quantity is shown, in every form of output, and of the last two every figure
 drawn."""
 
@@ -643,7 +648,7 @@ def commands(run):
     assert VARIANTS.keys() == COMMANDS.keys()
     is_shown = run.name in SHOWN
     forms = [["--json"], ["--csv"], ["--plot", "term"], ["--plot", "figure.png", "--overwrite"]]
-    forms = forms[: 4 if run.name in SHOWN[1:] else 3 if is_shown else 1]
+    forms = forms[: 4 if run.name in SHOWN[2:] else 3 if is_shown else 1]
     for name, all_variants in VARIANTS.items():
         variants = [k for k in all_variants if is_shown or k is all_variants[0] or "--of" not in k]
         for options in [*variants, *(variants[0] + form for form in forms if name != "animate")]:
@@ -654,7 +659,7 @@ def commands(run):
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("name", [*SCENARIOS, *BY_HAND])
+@pytest.mark.parametrize("name", [*SCENARIOS, *BY_HAND, ANY_SHAPE])
 def test_a_reading_command_gives_a_table_or_a_message(runs, name, tmp_path):
     for words in commands(runs[name]):
         done = call(*words, cwd=tmp_path)
