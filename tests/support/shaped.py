@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import shaped_run
 from made_up_frames import contacts_of, frame_of
 from scene_parts import make_model
 
@@ -11,14 +12,13 @@ from multicor_cli.model.outlines import Outlines
 
 def regular(sides, radius=1.0, rounding=0.0, turn=0.0):
     """A piece of equal sides, whose corners lie on a circle."""
-    angle = turn + 2.0 * np.pi * np.arange(sides) / sides
-    return radius * np.column_stack([np.cos(angle), np.sin(angle)]), rounding
+    return shaped_run.regular(sides, radius, turn), rounding
 
 
 def box(width, height, rounding=0.0, at=(0.0, 0.0)):
     """A rectangle; the rounding is added all around."""
     x, y = 0.5 * width, 0.5 * height
-    return np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) + at, rounding
+    return shaped_run.box(-x, -y, x, y) + at, rounding
 
 
 def disc(radius, at=(0.0, 0.0)):
@@ -36,20 +36,10 @@ def shoelace(points):
     return 0.5 * float((x * v - u * y).sum())
 
 
-def around(corners):
-    """Length of its sides."""
-    return float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).sum())
-
-
 def outlines_of(grains, areas=None):
     """Outlines of grains of one piece, or of pieces with areas that are told."""
-    area, perimeter = [], []
-    for k, pieces in enumerate(grains):
-        corners, r = pieces[0]
-        length = around(corners)
-        area.append(shoelace(corners) + length * r + np.pi * r * r if areas is None else areas[k])
-        perimeter.append(length + 2.0 * np.pi * r)
-    return Outlines.of(grains, np.array(area), np.array(perimeter))
+    area, perimeter = zip(*(shaped_run.measures(*pieces[0]) for pieces in grains), strict=True)
+    return Outlines.of(grains, np.array(areas or area), np.array(perimeter))
 
 
 def shaped_model(grains, shapes=(), walls=("floor",), *, areas=None, **keys):

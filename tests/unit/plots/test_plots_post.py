@@ -11,10 +11,12 @@ from shaped_run import box
 from multicor_cli import plots, post
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.plots.fields import _draw_mesh
+from multicor_cli.plots.texture import FIGURES
 from multicor_cli.plots.vectors import round_below, smooth_field
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.rings import rings_of
+from multicor_cli.store import open_run
 
 ALL = post.Selection(start=0.0)
 
@@ -30,6 +32,20 @@ def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column):
     assert solid.lines[0].get_ydata() == pytest.approx(table.values["solid_fraction"])
     assert solid.lines[1].get_ydata()[0] == pytest.approx(table.mean["solid_fraction"])
     assert "time" in panels[-1].get_xlabel()
+
+
+def test_fabric_of_shapes_has_more_panels(column, shaped):
+    with open_run(shaped) as run:
+        table = post.fabric(run, ALL)
+    renderer = FIGURES[type(table)]
+    panels = [axes.get_ylabel() for axes in figure_of(renderer.draw, table).axes]
+    assert panels[8:] == [
+        "share of contacts [–]", "share of forces [–]", "anisotropy $a_{lt}$ [–]",
+        "nematic order [–]",
+    ]  # fmt: skip
+    plain = post.fabric(column, ALL, margin=0.0)
+    assert len(figure_of(renderer.draw, plain).axes) == 8
+    assert renderer.size(table)[1] == pytest.approx(1.5 * renderer.size(plain)[1])
 
 
 def test_energy_stacks_what_came_in_and_what_went_out(column):
