@@ -7,8 +7,9 @@ clump). Corners are in the frame of the grain: from its center of mass, at angle
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,23 @@ class Outlines(NamedTuple):
             for p in range(self.piece[grain], self.piece[grain + 1])
         ]
 
+    @classmethod
+    def of_discs(cls, radius: Floats) -> Outlines:
+        """Outlines of discs with these radii [m]."""
+        each = np.arange(radius.size + 1, dtype=np.int32)
+        area = math.pi * (radius * radius)
+        corner = np.zeros((radius.size, 2))
+        return cls(each, each, corner, radius.copy(), area, 2.0 * math.pi * radius)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Outlines]) -> Outlines:
+        """Those of several groups of grains, one after the other."""
+        piece, start = (
+            _joined([getattr(part, name) for part in parts]) for name in cls._fields[:2]
+        )
+        columns = zip(*(part[2:] for part in parts), strict=True)
+        return cls(piece, start, *(np.concatenate(column) for column in columns))
+
     def of_grains(self, which: NDArray[np.int64]) -> Outlines:
         """Those of some grains, in this order."""
         pieces, of_piece = _rows(self.piece, which)
@@ -67,6 +85,16 @@ class Outlines(NamedTuple):
             of_piece, of_corner, self.corner[corners], self.rounding[pieces], self.area[which],
             self.perimeter[which],
         )  # fmt: skip
+
+    def scaled(self, factor: Floats) -> Outlines:
+        """The same shapes, each so many times as large; shape ``(n,)``."""
+        of_piece = np.repeat(factor, np.diff(self.piece))
+        return self._replace(
+            corner=self.corner * np.repeat(of_piece, np.diff(self.start))[:, np.newaxis],
+            rounding=self.rounding * of_piece,
+            area=self.area * (factor * factor),
+            perimeter=self.perimeter * factor,
+        )
 
     def fit(self, count: int) -> bool:
         """Whether they are outlines of so many grains: what is read from files may not be."""
@@ -93,10 +121,18 @@ class Outlines(NamedTuple):
         owner = np.repeat(np.arange(self.rounding.size), np.diff(self.start))
         x, y = self.corner.T
         reach = np.sqrt(x * x + y * y) + self.rounding[owner]
-        return np.asarray(np.maximum.reduceat(reach, self.start[self.piece[:-1]]))
+        grain = np.repeat(np.arange(self.piece.size - 1), np.diff(self.piece))[owner]
+        radius = np.zeros(self.piece.size - 1)
+        np.maximum.at(radius, grain, reach)
+        return radius
 
 
-def _starts(counts: Sequence[int] | NDArray[np.int32]) -> Ints:
+def _joined(starts: Sequence[Ints]) -> Ints:
+    """Where lists begin, of several tables that follow each other."""
+    return _starts(np.concatenate([np.diff(start) for start in starts]))
+
+
+def _starts(counts: Sequence[int] | NDArray[Any]) -> Ints:
     return np.concatenate([[0], np.cumsum(np.array(counts, np.int64))]).astype(np.int32)
 
 
