@@ -89,9 +89,9 @@ def measure(grains: Sequence[Sequence[Piece]]) -> Measures:
     lines: list[tuple[float, ...]] = []
     arcs: list[tuple[float, ...]] = []
     for k, (grain, origin) in enumerate(zip(grains, origins, strict=True)):
-        pieces = [_boundary(corners - origin, rounding) for corners, rounding in grain]
-        local = [(corners - origin, rounding) for corners, rounding in grain]
-        parts = pieces[0] if len(pieces) == 1 else _of_union(local, pieces)
+        pieces = [(corners - origin, rounding) for corners, rounding in grain]
+        boundaries = [_boundary(*piece) for piece in pieces]
+        parts = boundaries[0] if len(pieces) == 1 else _of_union(pieces, boundaries)
         for part in parts:
             if isinstance(part, _Line):
                 lines.append((k, *part.start, *part.end))
@@ -102,7 +102,8 @@ def measure(grains: Sequence[Sequence[Piece]]) -> Measures:
     around = _of_arcs(np.array(arcs).reshape(-1, 9))
     owner = np.concatenate([[int(row[0]) for row in rows] for rows in (lines, arcs)]).astype(int)
     columns = np.concatenate([along, around], axis=1)
-    area, perimeter, x, y, polar = (np.bincount(owner, each, len(grains)) for each in columns)
+    sums = np.array([np.bincount(owner, each, len(grains)) for each in columns], float)
+    area, perimeter, x, y, polar = sums
     x, y, polar = x / area, y / area, polar / area
     center = np.column_stack([x, y]) + origins
     return Measures(area, perimeter, center, polar - (x * x + y * y))

@@ -13,6 +13,7 @@ from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Therma
 from multicor_cli.model.cell import CELL
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import nudge, nudge_seed
 from multicor_cli.packing import other_run
 from multicor_cli.packing.groups import make_group
@@ -221,8 +222,8 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
     names, mass, inertia = list(scenario.materials), [], []
     for table, group in zip(scenario.particles, groups, strict=True):
         density = scenario.materials[table.material].density
-        mass.append(masses(group.radius, density, table.shape, table.thickness))
-        inertia.append(inertias(group.radius, mass[-1], table.shape))
+        mass.append(masses(group.radius, density, table.body, table.thickness, group.forms))
+        inertia.append(inertias(group.radius, mass[-1], table.body, group.forms))
     counts = [group.radius.size for group in groups]
     material = np.array([names.index(table.material) for table in scenario.particles], np.int32)
     grains = Grains(
@@ -242,14 +243,25 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         groups=tuple(group.name for group in scenario.particles),
         period=scenario.domain.period,
         gravity=np.array(scenario.domain.gravity, float),
-        shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
+        shape_factor=SHAPE_FACTOR[scenario.particles[0].body],
         outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
         thermal=_thermal(scenario, groups),
         height=scenario.domain.size[1] if scenario.domain.is_cell else 0.0,
         expansion=_expansion(scenario, [names[k] for k in sorted(set(material.tolist()))], names),
         sheds=scenario.heat is not None and scenario.heat.wear_shrinks,
         heat_gradient=(scenario.heat and scenario.heat.gradient) or (0.0, 0.0),
+        outlines=_outlines(groups),
     )
+
+
+def _outlines(groups: list[InitialGrains]) -> Outlines | None:
+    """Outlines of all grains; None if all are discs or spheres."""
+    if all(group.forms is None for group in groups):
+        return None
+    return Outlines.joined([
+        Outlines.of_discs(group.radius) if group.forms is None else group.forms.outlines
+        for group in groups
+    ])  # fmt: skip
 
 
 def _expansion(scenario: Scenario, of_grains: Sequence[str], names: Sequence[str]) -> Floats:

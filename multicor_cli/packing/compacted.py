@@ -22,7 +22,7 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, WallBody
 from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
-from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias
+from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, Shape, inertias
 from multicor_cli.packing.walls import join_shapes, join_walls
 from multicor_cli.scenario.problems import Refused
 
@@ -38,8 +38,7 @@ _UP, _DOWN = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, -1.0)  # planes
 
 
 def compact(
-    position: Floats,
-    radius: Floats,
+    grains: InitialGrains,
     region: PackingRegion,
     *,
     mass: Floats,
@@ -50,6 +49,7 @@ def compact(
 ) -> Floats:
     """Press a packing without overlaps together: new centers [m], shape ``(n, 2)``.
 
+    Grains that are no discs turn meanwhile, and their angles follow, shape ``(n, 3)``.
     ``region``'s bottom is the floor, its top where the lid starts; it has sides unless it is
     periodic. Masses [kg] have shape ``(n,)``; the load on the lid per length is ``pressure`` [N/m];
     ``friction`` is that of all bodies meanwhile. The packing is at rest when its kinetic energy has
@@ -58,7 +58,7 @@ def compact(
     """
     from multicor_cli.engine import PhysicsError
 
-    model, state = _press(position, radius, mass, region, shape, friction)
+    model, state = _press(grains, mass, region, shape, friction)
     beat = math.sqrt(mean(mass) / pressure)
     load = pressure * region.width
     drag = load * beat / (_APPROACH * region.height)
@@ -76,7 +76,7 @@ def compact(
     except PhysicsError as error:
         remedy = "start from a lower fill or a larger region"
         raise Refused(("packing",), f"the compaction failed: {error}", remedy) from error
-    return state.position[:, :2].copy()
+    return state.position[:, : 2 if grains.forms is None else 3].copy()
 
 
 class _Press:
@@ -135,8 +135,7 @@ class _Press:
 
 
 def _press(
-    position: Floats,
-    radius: Floats,
+    grains: InitialGrains,
     mass: Floats,
     region: PackingRegion,
     shape: Shape,
@@ -155,6 +154,7 @@ def _press(
         both = WallBody.empty(middle, 2.0 * region.height).with_shapes(ShapeKind.PLANE, sides)
         bodies.append(both)
         names.append("sides")
+    radius, forms = grains.radius, grains.forms
     # As heavy as one layer of grains: it neither rattles nor drags.
     lid_mass = mean(mass) * region.width / (2.0 * mean(radius))
     inertia = [(lid_mass if k == _LID else math.nan, math.nan) for k in range(len(bodies))]
@@ -164,7 +164,7 @@ def _press(
     )
     index = np.zeros(radius.size, np.int32)
     model = Model(
-        grains=Grains(radius, mass, inertias(radius, mass, shape), index, index),
+        grains=Grains(radius, mass, inertias(radius, mass, shape, forms), index, index),
         shapes=join_shapes(bodies, [0] * len(bodies)),
         walls=join_walls(names, bodies, inertia, [False] * len(bodies)),
         laws=laws,
@@ -173,7 +173,8 @@ def _press(
         period=region.period,
         gravity=np.zeros(2),
         shape_factor=SHAPE_FACTOR[shape],
+        outlines=None if forms is None else forms.outlines,
     )
-    state = State.at_rest(model, position)
+    state = State.at_rest(model, grains.position)
     state.wall_position[:, :2] = [body.origin for body in bodies]
     return model, state

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.files import open_regular, regular_path
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.initial_grains import NAMED, InitialGrains
+from multicor_cli.packing.initial_grains import NAMED, Forms, InitialGrains
 from multicor_cli.scenario.base import (
     COORDINATE_BOUNDS,
     KELVIN_BOUNDS,
@@ -303,7 +303,9 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
             chosen = run.frames[frame]
             position = np.column_stack([chosen.position, chosen.angle]).astype(float)
             velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
-            radius = np.array(chosen.model.grains.radius, float)
+            grains, outlines = chosen.model.grains, chosen.model.outlines
+            radius = np.array(grains.radius, float)
+            forms = None if outlines is None else Forms(outlines, grains.inertia / grains.mass)
             temperature = chosen.temperature
     except NoFrame as error:
         what = f"cannot take grains from the run '{path}': {error}"
@@ -326,7 +328,9 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
         what = f"frame {frame} of the run '{path}': {faults}"
         raise Refused(_KEY, what, "check the run with multicor verify")
     temperatures = columns.get("temperature")
-    return InitialGrains(radius, position, velocity, temperatures, is_velocity_real=True)
+    return InitialGrains(
+        radius, position, velocity, temperatures, is_velocity_real=True, forms=forms
+    )
 
 
 # ---- Initial temperatures from a text file: one number per line.

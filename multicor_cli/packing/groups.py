@@ -14,8 +14,16 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.file import read_frame, read_grains
+from multicor_cli.packing.forms import (
+    MakeForms,
+    angles_of,
+    forms_of,
+    outlined_as_drawn,
+    turned,
+)
 from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, masses
 from multicor_cli.packing.lattice import lay_out, repeat_tile
+from multicor_cli.packing.outlined import pack_outlines
 from multicor_cli.packing.placing import deposit
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.sizes import (
@@ -36,6 +44,7 @@ from multicor_cli.scenario.particles import (
     DepositedPacking,
     FilePacking,
     LatticePacking,
+    OutlinesPacking,
     ParticleGroup,
     RandomPacking,
     RunPacking,
@@ -44,6 +53,7 @@ from multicor_cli.scenario.particles import (
 )
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import RectangleRegion
+from multicor_cli.scenario.shapes import FixedOrientation, ListOrientation
 from multicor_cli.text import count_noun
 
 _MOST_FILLED = 1.5
@@ -57,7 +67,7 @@ class _Task:
     """One packing to make, of a group or its tile, by ``count`` or area fraction ``fill``.
 
     Grains go into ``area``, in the rectangle ``region``, or all of that; ``random`` gives the
-    stream for a purpose at its beginning.
+    stream for a purpose at its beginning, ``forms`` the outlines of grains that are no discs.
     """
 
     sizes: SizeDistribution
@@ -66,6 +76,7 @@ class _Task:
     region: PackingRegion
     obstacles: Obstacles
     random: Callable[[Purpose], Stream]
+    forms: MakeForms | None = None
     area: Area | None = None
 
     def radii(self) -> Floats:
@@ -76,9 +87,9 @@ class _Task:
             raise ValueError(message)
         room = self.region.area if self.area is None else self.area.size
         radii = draw_to_total(
-            self.sizes, disc_area, self.fill * room, lambda: self.random(Purpose.SIZES)
+            self.sizes, self._area, self.fill * room, lambda: self.random(Purpose.SIZES)
         )
-        reached = total(disc_area(radii)) / room
+        reached = total(self._area(radii)) / room
         if reached > _MOST_FILLED * self.fill:
             what = (
                 f"a fill of {self.fill:g} is too small for grains of these sizes: "
@@ -87,6 +98,19 @@ class _Task:
             larger = f"give a fill of {reached:.2g} or more, " if reached < MAX_FILL else ""
             raise Refused((), what, f"{larger}enlarge the region, or use smaller grains")
         return radii
+
+    def _area(self, radii: Floats) -> Floats:
+        """Areas of the first grains [m²], of these sizes [m]."""
+        if self.forms is None:
+            return disc_area(radii)
+        return self.forms(radii.size).outlines.area * (radii * radii)
+
+    def reach(self, count: int) -> float:
+        """How far the largest may reach from its center, of so many grains [m]."""
+        largest = self.sizes.largest
+        if self.forms is None:
+            return largest
+        return largest * float(self.forms(max(count, 1)).outlines.radius.max())
 
 
 def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialGrains:
@@ -103,17 +127,25 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         assert group.sizes is not None
         assert group.release is not None
         assert group.count is not None  # the scenario has been checked
-        radius = sizes_of(group.sizes, group.shape).draw(group.count, random(Purpose.SIZES))
+        radius = sizes_of(group.sizes, group.body).draw(group.count, random(Purpose.SIZES))
         place = group.release.region
-        return InitialGrains.at_rest(radius, 0.5 * (np.array(place.min) + np.array(place.max)))
+        middle = 0.5 * (np.array(place.min) + np.array(place.max))
+        return turned(group, radius, middle, forms_of(group.outline, random), random)
     if isinstance(packing, StartPacking):
         message = "grains of [start] are not placed here"
         raise TypeError(message)
     if isinstance(packing, FilePacking):
         path, is_cell = scenario.resolve_path(packing.path), scenario.domain.is_cell
         grains = read_grains(path, packing.shift, has_mean_flow=is_cell)
+        if (make := forms_of(group.outline, random)) is not None:
+            forms = make(grains.radius.size).scaled(grains.radius)
+            grains = replace(grains, radius=forms.outlines.radius, forms=forms)
+    elif isinstance(packing, OutlinesPacking):
+        assert group.outline is not None  # the scenario has been checked
+        grains = outlined_as_drawn(group.outline, packing)
     elif isinstance(packing, RunPacking):
         grains = read_frame(scenario.resolve_path(packing.path), packing.frame)
+        refuse_other_shapes(group, grains, f"the run '{packing.path}'")
     else:
         grains = _place(scenario, group, packing, obstacles, random)
     return with_motion(scenario, group, grains)
@@ -138,6 +170,14 @@ def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains)
         gradient = np.array([rates.xx, rates.yy, rates.xy])
         velocity[:, :2] -= mean_flow(grains.position, gradient)
     return replace(grains, velocity=velocity)
+
+
+def refuse_other_shapes(group: ParticleGroup, grains: InitialGrains, run: str) -> None:
+    """Refuse discs in a run where the group has another shape, and the other way round."""
+    if (grains.forms is None) != (group.outline is None):
+        are, says = ("discs", "other outlines") if grains.forms is None else ("no discs", "discs")
+        what = f"the grains that come from {run} are {are}, but the shape says {says}"
+        raise Refused(("shape",), what, "give the shape that they have there")
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
@@ -167,14 +207,15 @@ def _place(
     random: Callable[[Purpose], Stream],
 ) -> InitialGrains:
     assert group.sizes is not None  # the scenario has been checked
-    region, sizes = region_of_group(scenario, group), sizes_of(group.sizes, group.shape)
+    region, sizes = region_of_group(scenario, group), sizes_of(group.sizes, group.body)
+    forms = forms_of(group.outline, random)
     if not isinstance(packing, TilePacking):
         table = group.placed_in(scenario.domain)
         solid = obstacles.around(region, scenario.domain.period)
         area = None if isinstance(table, RectangleRegion) else table.area()
         if area is not None:
             solid = solid.with_boundary(area)
-        task = _Task(sizes, group.count, group.fill, region, solid, random, area=area)
+        task = _Task(sizes, group.count, group.fill, region, solid, random, forms, area)
         return _make(scenario, group, packing, task)
     # One tile, periodic in x (a random one in y too), and its copies
     source, (columns, rows), (width, height) = packing.source, packing.repeat, packing.tile
@@ -187,15 +228,16 @@ def _place(
         raise Refused(("packing", "repeat"), text, remedy)
     closes = isinstance(source, RandomPacking) and (rows > 1 or region.is_periodic_in_y)
     sides = [(width, "width", "narrow", "wide"), (height, "height", "low", "high")]
+    one = PackingRegion(0.0, 0.0, width, height, True, closes)
+    counts = packing.tile_count, packing.tile_fill
+    task = _Task(sizes, *counts, one, Obstacles.none(), random, forms)
+    reach = task.reach(packing.tile_count or 1)
     for length, name, small, large in sides if closes else sides[:1]:
-        if length < 8.0 * sizes.largest:
-            diameter = f"grains of diameter {2.0 * sizes.largest:g} m"
+        if length < 8.0 * reach:
+            diameter = f"grains of diameter {2.0 * reach:g} m"
             text = f"a tile of {name} {length:g} m is too {small} for {diameter}"
             remedy = f"make it at least four of the largest diameters {large}"
             raise Refused(("packing", "tile"), text, remedy)
-    one = PackingRegion(0.0, 0.0, width, height, True, closes)
-    counts = packing.tile_count, packing.tile_fill
-    task = _Task(sizes, *counts, one, Obstacles.none(), random)
     tile = _make(scenario, group, source, task)
     return repeat_tile(tile, packing.tile, packing.repeat, region)
 
@@ -203,34 +245,49 @@ def _place(
 def _make(scenario: Scenario, group: ParticleGroup, packing: Packing, task: _Task) -> InitialGrains:
     region, obstacles = task.region, task.obstacles
     if isinstance(packing, LatticePacking):
-        radius = None
-        if task.count is not None or task.fill is not None:
-            radius = task.radii()
-        layout = (packing.lattice, packing.spacing, packing.jitter, obstacles.room)
-        lattice = lay_out(task.sizes.largest, region, *layout)
-        if radius is None:
-            radius = task.sizes.draw(lattice.capacity(), task.random(Purpose.SIZES))
-        sites = lattice.sites(radius.size, task.random(Purpose.JITTER))
-        return InitialGrains.at_rest(radius, sites)
+        return _on_lattice(group, packing, task)
     radius, places = task.radii(), task.random(Purpose.PLACES)
     if isinstance(packing, DepositedPacking):
         return InitialGrains.at_rest(radius, deposit(radius, region, obstacles, places))
     separation, attempts = 0.0, DEFAULT_ATTEMPTS
     if isinstance(packing, RandomPacking):
         separation, attempts = packing.separation, packing.attempts
-    center = random_packing(radius, region, obstacles, separation, attempts, places)
+    forms = None
+    if task.forms is None:
+        center = random_packing(radius, region, obstacles, separation, attempts, places)
+    else:
+        forms = task.forms(radius.size).scaled(radius)
+        radius, angle = forms.outlines.radius, angles_of(group, radius.size, task.random)
+        turns = not isinstance(group.orientation, FixedOrientation | ListOrientation)
+        center = pack_outlines(
+            forms.outlines, angle, region, obstacles, separation, attempts, places, turns=turns
+        )  # fmt: skip
     if isinstance(packing, CompactedPacking):
         friction, density = packing.friction, scenario.materials[group.material].density
         if friction is None:  # at rest, as a compaction ends
             friction = scenario.law(group.material, group.material).coefficient
         center = compact(
-            center,
-            radius,
+            InitialGrains.at_rest(radius, center, forms),
             region,
-            mass=masses(radius, density, group.shape, group.thickness),
-            shape=group.shape,
+            mass=masses(radius, density, group.body, group.thickness, forms),
+            shape=group.body,
             pressure=packing.pressure,
             friction=friction,
             kinetic_energy_ratio=packing.kinetic_energy_ratio,
         )
-    return InitialGrains.at_rest(radius, center)
+    return InitialGrains.at_rest(radius, center, forms)
+
+
+def _on_lattice(group: ParticleGroup, packing: LatticePacking, task: _Task) -> InitialGrains:
+    """Grains on sites so far apart that the circles around them do not overlap."""
+    layout = (packing.lattice, packing.spacing, packing.jitter, task.obstacles.room)
+    if task.count is not None or task.fill is not None:
+        radius = task.radii()
+        lattice = lay_out(task.reach(radius.size), task.region, *layout)
+    else:
+        lattice = lay_out(task.sizes.largest, task.region, *layout)
+        if task.forms is not None:  # of no fewer grains than there are sites
+            lattice = lay_out(task.reach(lattice.capacity()), task.region, *layout)
+        radius = task.sizes.draw(lattice.capacity(), task.random(Purpose.SIZES))
+    sites = lattice.sites(radius.size, task.random(Purpose.JITTER))
+    return turned(group, radius, sites, task.forms, task.random)

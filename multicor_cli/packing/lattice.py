@@ -212,4 +212,7 @@ def repeat_tile(
     keep = closes_in_y | ((y - reach >= region.bottom) & (y + reach <= region.top))
     if not closes:
         keep &= (x - reach >= region.left) & (x + reach <= region.right)
-    return InitialGrains(radius[keep], position[keep], velocity[keep])
+    forms = tile.forms
+    if forms is not None:
+        forms = forms.of_grains(np.flatnonzero(keep) % tile.radius.size)
+    return InitialGrains(radius[keep], position[keep], velocity[keep], forms=forms)

@@ -163,13 +163,16 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
     if material.heat_capacity is None:
         message = "a material of grains without heat capacity"  # loading a scenario excludes it
         raise ValueError(message)
-    mass = masses(radius, material.density, group.shape, group.thickness)
-    # 4π a² of a sphere, 2π a h of a disc
+    mass = masses(radius, material.density, group.body, group.thickness, grains.forms)
+    # 4π a² of a sphere, 2π a h of a disc, perimeter times h of other grains
     height = np.full(radius.size, group.thickness or math.nan)
+    perimeter = 2.0 * math.pi * radius
+    if grains.forms is not None:
+        perimeter = grains.forms.outlines.perimeter
     return Thermal(
         capacity=mass * material.heat_capacity,
         initial_temperature=_initial_temperature(scenario, group, grains, center),
-        surface=2.0 * math.pi * radius * (2.0 * radius if group.shape == "sphere" else height),
+        surface=perimeter * (2.0 * radius if group.body == "sphere" else height),
     )
 
 

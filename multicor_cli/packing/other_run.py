@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.geometry.scene import scene_of
@@ -25,8 +26,8 @@ from multicor_cli.model.contacts import are_impacts
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.shapes import TAIL, Room, Tail
 from multicor_cli.model.state import find_misfit
-from multicor_cli.packing.groups import with_motion
-from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.groups import refuse_other_shapes, with_motion
+from multicor_cli.packing.initial_grains import Forms, InitialGrains
 from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused
@@ -199,7 +200,7 @@ def misfits(scenario: Scenario, source: Source) -> list[Refused]:
         text = f"{what} has the groups {', '.join(before.groups)}, the scenario {', '.join(groups)}"
         remedy = "remove [[particles]], or name the groups of the run in their order"
         found.append(Refused(("particles",), text, remedy))
-    shape = scenario.particles[0].shape
+    shape = scenario.particles[0].body
     if SHAPE_FACTOR[shape] != before.shape_factor:
         remedy = "remove [[particles]], or use the shape that they have in the run"
         text = f"{what} has other grains than {shape}s"
@@ -244,11 +245,26 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
         place, motion = state.position[mine], state.velocity[mine]
         expands = bool(scenario.materials[group.material].expansion)
         radius = grains.radius if expands or not state.radius.size else state.radius
-        found = InitialGrains(radius[mine], place, motion, warmth)
+        found = InitialGrains(radius[mine], place, motion, warmth, forms=_forms_of(source, mine))
+        try:
+            refuse_other_shapes(group, found, f"the run '{source.path}'")
+        except Refused as error:
+            raise scenario.refuse(error.within("particles", k)) from error
         has_more = any((*group.velocity, group.spin, group.shear_rate))
         # Else -0 would become 0
         groups.append(with_motion(scenario, group, found) if has_more else found)
     return groups
+
+
+def _forms_of(source: Source, grains: NDArray[np.int64]) -> Forms | None:
+    """Outlines of some grains; None if these are all discs."""
+    if source.model.outlines is None:
+        return None
+    outlines = source.model.outlines.of_grains(grains)
+    if outlines.is_disc.all():
+        return None
+    of_all = source.model.grains
+    return Forms(outlines, of_all.inertia[grains] / of_all.mass[grains])
 
 
 def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
@@ -304,6 +320,10 @@ def carried_over(
 
     Both begin as those of the new run, bodies and walls in their places; ``state`` is **modified**.
     """
+    if model.outlines is not None:  # else rounding would change what a mass times a length makes
+        grains, known = model.grains, source.model.grains
+        inertia = np.where(grains.mass == known.mass, known.inertia, grains.inertia)
+        model = replace(model, grains=replace(grains, inertia=inertia))
     old, same = source.state, _same_walls(model.walls.names, source)
     state.position, state.image, state.last_dt = old.position.copy(), old.image.copy(), old.last_dt
     for new, before in same.items():

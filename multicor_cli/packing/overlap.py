@@ -17,6 +17,7 @@ from multicor_cli.model.columns import RADIUS, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import Room, ShapeKind
 from multicor_cli.packing.initial_grains import NAMED
+from multicor_cli.packing.outline_gaps import relative_gaps
 from multicor_cli.packing.walls import Front, Obstacles
 from multicor_cli.scenario.problems import Refused
 
@@ -123,8 +124,8 @@ def overlapping_pairs(
     return i[order], pairs.partner[order], -gap[order]
 
 
-def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
-    """Grains but those beyond the first `CROWD` in a cell: coincident ones have n² pairs."""
+def thin_crowds(position: Floats, radius: Floats, most: float = CROWD) -> NDArray[np.int64]:
+    """Grains but those beyond the first ``most`` in a cell: coincident ones have n² pairs."""
     level, largest = classify(radius)
     width = 2.0 * largest[level]
     cell = np.clip(np.floor(position[:, :2] / width[:, None]), -_FAR, _FAR).astype(np.int64)
@@ -133,7 +134,7 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
     is_new[1:] = (np.diff(cell[order], axis=0) != 0).any(axis=1) | (np.diff(level[order]) != 0)
     first = np.flatnonzero(is_new)
     rank = np.arange(radius.size) - first[np.cumsum(is_new) - 1]
-    return np.sort(order[rank < CROWD])
+    return np.sort(order[rank < most])
 
 
 def overlap_problems(
@@ -149,7 +150,11 @@ def overlap_problems(
     ``cell`` are width, height and tilt of a cell [m].
     """
     radius, group, wall = model.grains.radius, model.grains.group, model.shapes.wall
-    kept = here[thin_crowds(position[here], radius[here])].astype(np.int32)
+    outlines, most = model.outlines, float(CROWD)
+    if outlines is not None:  # more of them may lie side by side
+        most *= float((math.pi * (radius * radius) / outlines.area).max())
+    kept = here[thin_crowds(position[here], radius[here], most)].astype(np.int32)
+    periods = model.period, 0.0, 0.0
     if cell is None:
         i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, model.period)
     else:  # without walls, but with images of the lowest grains above
@@ -158,6 +163,13 @@ def overlap_problems(
         images = Obstacles.none().with_discs(np.column_stack([above, radius[kept[low]]]))
         i, j, overlap = overlapping_pairs(position[kept], radius[kept], images, float(cell[XX]))
         j = np.concatenate([np.arange(kept.size), low])[j].astype(np.int32)
+        periods = float(cell[XX]), float(cell[YY]), float(cell[XY])
+    if outlines is not None:  # of those of the circles around them
+        of_kept = outlines.of_grains(kept.astype(np.int64)), position[kept], radius[kept]
+        overlap = -relative_gaps(*of_kept, i, j, shapes.kind, shapes.world, periods)
+        order = np.flatnonzero(overlap > LARGEST_OVERLAP)
+        order = order[np.lexsort((j[order], i[order], -overlap[order]))]
+        i, j, overlap = i[order], j[order], overlap[order]
     among, problems = j < kept.size, []
     if among.any():
         a, b = kept[i[among]], kept[j[among]]

@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
@@ -38,12 +39,12 @@ INFLATION = 5e-4
 
 # Unit mass and stiffness: six contacts per disc give a highest frequency of √12, stable below 0.57
 _LARGEST_STEP = 0.4
-_FIRST_STEP = 0.1
-_FIRST_MIXING = 0.1
-_STEP, _MIXING, _COUNT = range(3)  # of a clock: time step, mixing, steps since the last uphill one
-_SKIN = 0.3  # of the mean radius
+FIRST_STEP = 0.1
+FIRST_MIXING = 0.1
+STEP, MIXING, COUNT = range(3)  # of a clock: time step, mixing, steps since the last uphill one
+SKIN = 0.3  # of the mean radius
 _ITERATIONS = 20_000
-_JAMMED = 1e-3  # net force over the largest overlap at which a minimum of the energy is reached
+JAMMED = 1e-3  # net force over the largest overlap at which a minimum of the energy is reached
 
 
 class Ghosts(NamedTuple):
@@ -99,33 +100,34 @@ def _repel(
 
 
 @kernel
-def _follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
+def follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
+    """Bring images to where their grains are; **modifies** ``world``."""
     for g in range(ghosts.shape.size):
         world[ghosts.shape[g], X] = position[ghosts.source[g], X]
         world[ghosts.shape[g], Y] = position[ghosts.source[g], Y] + ghosts.shift[g]
 
 
 @kernel
-def _steer(velocity: Floats, force: Floats, clock: Floats) -> None:
+def steer(velocity: Floats, force: Floats, clock: Floats) -> None:
     """Adapt time step, mixing and velocities (Bitzek et al.)."""
     power, speed, strength = 0.0, 0.0, 0.0
     for i in range(force.shape[0]):
-        for c in range(2):
+        for c in range(force.shape[1]):
             power += velocity[i, c] * force[i, c]
             speed += velocity[i, c] * velocity[i, c]
             strength += force[i, c] * force[i, c]
     if power < 0.0:
-        clock[_STEP], clock[_MIXING], clock[_COUNT] = 0.5 * clock[_STEP], _FIRST_MIXING, 0.0
+        clock[STEP], clock[MIXING], clock[COUNT] = 0.5 * clock[STEP], FIRST_MIXING, 0.0
         velocity[:] = 0.0
         return
-    clock[_COUNT] += 1.0
-    share = clock[_MIXING] * np.sqrt(speed / strength) if strength > 0.0 else 0.0
+    clock[COUNT] += 1.0
+    share = clock[MIXING] * np.sqrt(speed / strength) if strength > 0.0 else 0.0
     for i in range(force.shape[0]):
-        for c in range(2):
-            velocity[i, c] = (1.0 - clock[_MIXING]) * velocity[i, c] + share * force[i, c]
-    if clock[_COUNT] > 5.0:
-        clock[_STEP] = min(1.1 * clock[_STEP], _LARGEST_STEP)
-        clock[_MIXING] *= 0.99
+        for c in range(force.shape[1]):
+            velocity[i, c] = (1.0 - clock[MIXING]) * velocity[i, c] + share * force[i, c]
+    if clock[COUNT] > 5.0:
+        clock[STEP] = min(1.1 * clock[STEP], _LARGEST_STEP)
+        clock[MIXING] *= 0.99
 
 
 @kernel
@@ -157,18 +159,18 @@ def _descend(
     smallest = radius.min()
     worst = 0.0
     for step in range(steps):
-        _follow(position, ghosts, world)
+        follow(position, ghosts, world)
         worst = _repel(position, radius, pairs, kind, world, period, force)
         if worst <= target:
             return step, worst, False
-        if np.abs(force).max() < _JAMMED * worst * smallest:
+        if np.abs(force).max() < JAMMED * worst * smallest:
             return step, worst, True
-        _steer(velocity, force, clock)
+        steer(velocity, force, clock)
         moved = 0.0
         for i in range(position.shape[0]):
             for c in range(2):
-                velocity[i, c] += clock[_STEP] * force[i, c]
-                position[i, c] += clock[_STEP] * velocity[i, c]
+                velocity[i, c] += clock[STEP] * force[i, c]
+                position[i, c] += clock[STEP] * velocity[i, c]
             dx, dy = position[i, X] - before[i, X], position[i, Y] - before[i, Y]
             moved = max(moved, dx * dx + dy * dy)
         if moved > travel * travel:
@@ -176,7 +178,7 @@ def _descend(
     return steps, worst, False
 
 
-def _ghosts(
+def images_of(
     position: Floats, radius: Floats, region: PackingRegion, obstacles: Obstacles, skin: float
 ) -> tuple[Ghosts, Obstacles]:
     """Images of the grains near the lower and upper side, and the obstacles with them."""
@@ -199,9 +201,9 @@ def relax(
     Returns new centers, the largest overlap over the smaller radius, and steps.
     """
     enlarged = radius * (1.0 + INFLATION)
-    skin = _SKIN * mean(radius)
+    skin = SKIN * mean(radius)
     now, velocity = np.array(position[:, :2]), np.zeros((radius.size, 2))
-    clock = np.array([_FIRST_STEP, _FIRST_MIXING, 0.0])
+    clock = np.array([FIRST_STEP, FIRST_MIXING, 0.0])
     done, worst, is_jammed = 0, np.inf, False
     nothing = Ghosts(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
     while done < _ITERATIONS and not is_jammed and worst > 2.0 * INFLATION:
@@ -210,7 +212,7 @@ def relax(
         ghosts, solid = nothing, obstacles
         if region.is_periodic_in_y:
             now[:, Y] = region.bottom + wrap(now[:, Y] - region.bottom, region.height)
-            ghosts, solid = _ghosts(now, enlarged, region, obstacles, skin)
+            ghosts, solid = images_of(now, enlarged, region, obstacles, skin)
         pairs = find_pairs(now, enlarged, solid, skin, region.period)
         steps, worst, is_jammed = _descend(
             now, velocity, enlarged, pairs, solid.kind, solid.world.copy(), ghosts, region.period,
@@ -224,10 +226,10 @@ def relax(
 
 DEFAULT_ATTEMPTS = 1000
 
-_EASY_FRACTION = 0.42
+EASY_FRACTION = 0.42
 _USUAL_FRACTION = 0.80
 _DENSEST_FRACTION = math.pi / math.sqrt(12.0)
-_ACCEPTED_OVERLAP = 5e-4
+ACCEPTED_OVERLAP = 5e-4
 _PROBES = 96
 _BATCH = 1024
 _MOST_MISSES = 200  # batches without a single point outside solid matter
@@ -249,30 +251,36 @@ def random_packing(
     """
     enlarged = radius + separation * mean(radius)
     solid = obstacles.with_sides(region)
-    fraction = _fraction(enlarged, region, solid)
+    free = free_area(enlarged, region, solid)
+    fraction = np.pi * total(enlarged * enlarged) / free if free > 0.0 else math.inf
     if fraction > _DENSEST_FRACTION:
-        raise _refusal(radius.size, fraction, "more than any packing can reach")
-    shrink = min(1.0, math.sqrt(_EASY_FRACTION / fraction))
-    inserted = _insert(shrink * enlarged, region, solid, attempts, rng)
+        raise refusal(radius.size, fraction, "more than any packing can reach")
+    shrink = min(1.0, math.sqrt(EASY_FRACTION / fraction))
+    inserted = insert(shrink * enlarged, region, solid, attempts, rng)
     if inserted is None:
-        raise _refusal(radius.size, fraction, "and hardly any of its points is free")
+        raise refusal(radius.size, fraction, "and hardly any of its points is free")
     position, is_complete = inserted
     if shrink == 1.0 and is_complete and not region.is_periodic_in_y:
         return position
     position, overlap, steps = relax(position, enlarged, region, solid)
-    x, y = position.T
-    is_inside = region.is_periodic | ((x >= region.left) & (x <= region.right))
-    is_inside &= region.is_periodic_in_y | ((y >= region.bottom) & (y <= region.top))
-    if not solid.room.is_open:
-        is_inside &= solid.room.clearance(position) > 0.0
-    if overlap > _ACCEPTED_OVERLAP or not is_inside.all():
+    if overlap > ACCEPTED_OVERLAP or not is_inside(position, region, solid).all():
         left = f"an overlap of {overlap:.1e} of the smaller radius is left after "
         left += f"{steps} relaxation steps"
-        raise _refusal(radius.size, fraction, left)
+        raise refusal(radius.size, fraction, left)
     return position
 
 
-def _insert(
+def is_inside(position: Floats, region: PackingRegion, obstacles: Obstacles) -> NDArray[np.bool_]:
+    """Whether centers are in the region and out of solid matter."""
+    x, y = position[:, X], position[:, Y]
+    found = region.is_periodic | ((x >= region.left) & (x <= region.right))
+    found &= region.is_periodic_in_y | ((y >= region.bottom) & (y <= region.top))
+    if not obstacles.room.is_open:
+        found &= obstacles.room.clearance(position[:, :2]) > 0.0
+    return np.asarray(found)
+
+
+def insert(
     radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream
 ) -> tuple[Floats, bool] | None:
     """Random sequential addition, largest first: centers [m], and whether all found a free place.
@@ -299,13 +307,14 @@ def _insert(
     return position, not blocked.any()
 
 
-def _refusal(count: int, fraction: float, why: str) -> Refused:
+def refusal(count: int, fraction: float, why: str, usual: float = _USUAL_FRACTION) -> Refused:
+    """That grains do not fit, and how many would; most reach the ``usual`` fraction."""
     text = (
         f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the "
         f"region, {why}"
     )
-    if fraction > _USUAL_FRACTION:
-        fits, share = int(count * _USUAL_FRACTION / fraction), f"{_USUAL_FRACTION:.2f}"
+    if fraction > usual:
+        fits, share = int(count * usual / fraction), f"{usual:.2f}"
         larger = f"about {fits} would fit (fraction {share}): enlarge the region or ask for"
         return Refused((), text, f"{larger} fewer grains")
     # What usually fits does not where sides and corners are near
@@ -313,8 +322,8 @@ def _refusal(count: int, fraction: float, why: str) -> Refused:
     return Refused((), text, f"{larger} grains, {int(0.9 * count)} say")
 
 
-def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
-    """Area of the grains over that of the region without obstacles, told on a grid of points."""
+def free_area(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
+    """Area of the region without obstacles [m²], told on a grid of points."""
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
     y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -327,5 +336,4 @@ def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> fl
     covered[owner[pairs.partner >= len(points)]] = True
     if not obstacles.room.is_open:
         covered |= obstacles.room.clearance(points) <= 0.0
-    free = region.area * (1.0 - np.count_nonzero(covered) / covered.size)
-    return np.pi * total(radius * radius) / free if free > 0.0 else math.inf
+    return region.area * (1.0 - np.count_nonzero(covered) / covered.size)

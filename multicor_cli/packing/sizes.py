@@ -55,6 +55,8 @@ class Purpose(IntEnum):
     PLACES = 1
     JITTER = 2
     RELEASE = 3
+    SHAPES = 4
+    ANGLES = 5
 
 
 class Stream:

@@ -393,12 +393,12 @@ def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None)
 def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front | None]:
     body, glued = wall.geometry.body(scenario.domain), wall.geometry.glued(scenario.domain)
     if isinstance(wall.geometry, ClusterGeometry):
-        body = about_center_of_mass(body, scenario.particles[0].shape)
+        body = about_center_of_mass(body, scenario.particles[0].body)
     if glued is None:
         return body, None
     table, place = scenario.glued_sizes(wall), glued.place
     assert table is not None  # the scenario has been checked
-    sizes = sizes_of(table, scenario.particles[0].shape)
+    sizes = sizes_of(table, scenario.particles[0].body)
 
     def restart(*side: int) -> Stream:
         return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES, *side)
@@ -437,9 +437,9 @@ def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, flo
         mass, inertia = density * height * polygon.size, density * height * polygon.polar_moment
     elif geometry.substance is not None and len(discs):
         thickness = _model_group(scenario, wall).thickness
-        each = masses(discs[:, RADIUS], density, first.shape, thickness)
+        each = masses(discs[:, RADIUS], density, first.body, thickness)
         square = discs[:, X] * discs[:, X] + discs[:, Y] * discs[:, Y]
-        about = inertias(discs[:, RADIUS], each, first.shape) + each * square
+        about = inertias(discs[:, RADIUS], each, first.body) + each * square
         mass, inertia = total(each), total(about)
     if wall.mass is not None:
         mass, inertia = wall.mass, inertia * (wall.mass / mass)

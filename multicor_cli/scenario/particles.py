@@ -40,6 +40,13 @@ from multicor_cli.scenario.region import (
     tag_kind,
 )
 from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.shapes import (
+    DiscShape,
+    FileShape,
+    GrainShape,
+    Orientation,
+    Shape,
+)
 from multicor_cli.scenario.sizes import Sizes
 
 # ---- How the grains of a group are placed at the start
@@ -66,7 +73,9 @@ class LatticePacking(Table):
 
 
 class RandomPacking(Table):
-    """Grains at random places without overlap, the largest first."""
+    """Grains at random places without overlap, the largest first; turned at random too, if they
+    are no discs.
+    """
 
     kind: Literal["random"]
     separation: float = optional(
@@ -145,6 +154,14 @@ class FilePacking(Table):
     shift: Point = optional("added to all x and y [m]", (0.0, 0.0))
 
 
+class OutlinesPacking(Table):
+    """Grains where the file of their outlines draws them, each once and in its size."""
+
+    kind: Literal["outlines"]
+    scale: Length = optional("length of a unit of the file [m]", 1.0)
+    shift: Point = optional("added to all x and y [m]", (0.0, 0.0))
+
+
 class RunPacking(Table):
     """Grains from a frame of another run, with their velocities."""
 
@@ -166,6 +183,7 @@ Packing = Annotated[
     | CompactedPacking
     | TilePacking
     | FilePacking
+    | OutlinesPacking
     | RunPacking
     | StartPacking,
     Field(discriminator="kind"),
@@ -343,20 +361,25 @@ class ParticleGroup(Table):
     """One entry of ``[[particles]]``.
 
     Exactly one of ``count`` and ``fill`` is given, except for packings that bring their own number
-    of grains (file, run, start, tile: neither) and for a lattice, which without them fills the
-    whole region. Grains from a file or a run bring their radii too, so that ``sizes`` and
+    of grains (file, outlines, run, start, tile: neither) and for a lattice, which without them
+    fills the whole region. Grains from a file or a run bring their radii too, so that ``sizes`` and
     ``region`` are refused there; of a group that goes on, ``sizes`` are those that walls may
     borrow.
     """
 
     name: Name = required("name of the group")
     material: Name = required("name of a [materials.NAME] table")
-    shape: Literal["disc", "sphere"] = required(
-        '"disc" (needs thickness) or "sphere"; the same for all groups'
+    shape: Shape = required(
+        '"disc" (needs thickness) or "sphere", or a table of an outline with a thickness, as '
+        '{ kind = "polygon", sides = 5 }; all groups are spheres, or none is'
     )
-    thickness: Length | None = optional("thickness of the discs [m]; required for discs")
+    thickness: Length | None = optional("thickness of the discs [m]; required but for spheres")
     sizes: Sizes | None = optional(
         'distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+    )
+    orientation: Orientation | None = optional(
+        'how grains that are no discs are turned, as { kind = "fixed", angle = 0.0 }; default: '
+        '"uniform", at random'
     )
     count: GrainCount | None = optional("number of grains (or give fill)")
     fill: AreaFraction | None = optional(
@@ -400,13 +423,27 @@ class ParticleGroup(Table):
     @property
     def brings_grains(self) -> bool:
         """Whether the packing tells the number of grains and their radii (from a file or a run)."""
-        return isinstance(self.packing, FilePacking | RunPacking | StartPacking)
+        return isinstance(self.packing, FilePacking | OutlinesPacking | RunPacking | StartPacking)
+
+    @property
+    def body(self) -> Literal["disc", "sphere"]:
+        """Whether grains are spheres, or as thick everywhere as discs are."""
+        return "sphere" if self.shape == "sphere" else "disc"
+
+    @property
+    def outline(self) -> GrainShape | None:
+        """What outline grains have; None if they are discs or spheres."""
+        if isinstance(self.shape, str | DiscShape) or self.shape.is_disc:
+            return None
+        return self.shape
 
     def faults(self) -> Iterator[Refused]:
         yield from self._faults_of_coming()
-        if self.shape == "disc" and self.thickness is None:
-            yield Refused((), "discs need a thickness", "add thickness [m]")
-        if self.shape == "sphere" and self.thickness is not None:
+        yield from self._faults_of_outlines()
+        if self.body == "disc" and self.thickness is None:
+            grains = "discs" if self.outline is None else "grains that are no spheres"
+            yield Refused((), f"{grains} need a thickness", "add thickness [m]")
+        if self.body == "sphere" and self.thickness is not None:
             remedy = 'remove it, or use shape = "disc"'
             yield Refused(("thickness",), "spheres have no thickness", remedy)
         if not self.brings_grains and self.sizes is None:
@@ -416,6 +453,22 @@ class ParticleGroup(Table):
             if self.brings_grains and getattr(self, key) is not None:
                 yield Refused((key,), f"{key} {self._is_unused}", f"remove {key}")
         yield from self._faults_of_number()
+
+    def _faults_of_outlines(self) -> Iterator[Refused]:
+        if isinstance(self.packing, OutlinesPacking) and not isinstance(self.shape, FileShape):
+            remedy = 'use shape = { kind = "file", file = "..." }, or another packing'
+            yield Refused(("shape",), "there is no file of outlines to place", remedy)
+        is_dropped = isinstance(getattr(self.packing, "source", self.packing), DepositedPacking)
+        if self.outline is not None and is_dropped:
+            what = "grains that are no discs cannot be deposited, which rolls discs over each other"
+            remedy = 'use kind = "random", and let them settle under gravity'
+            yield Refused(("packing",), what, remedy)
+        if self.orientation is None:
+            return
+        if self.outline is None:
+            yield Refused(("orientation",), "discs and spheres have no orientation", "remove it")
+        if self.brings_grains:
+            yield Refused(("orientation",), f"orientation {self._is_unused}", "remove it")
 
     @property
     def _is_unused(self) -> str:

@@ -360,7 +360,7 @@ def prism_height(group: ParticleGroup) -> float | None:
 
     None if the group brings spheres from elsewhere, so that their sizes are not known.
     """
-    if group.shape == "disc":
+    if group.body == "disc":
         return group.thickness
     return None if group.sizes is None else 2.0 * group.sizes.largest
 

@@ -134,7 +134,7 @@ def document(text: str = "", **said: Any) -> dict[str, Any]:
     for name, each in _EACH.items():
         tables[name] = [{**each, **table} for table in tables[name]]
     for group in tables["particles"]:
-        if group["shape"] == "disc":
+        if group["shape"] != "sphere":
             group.setdefault("thickness", 1e-3)
     return tables
 

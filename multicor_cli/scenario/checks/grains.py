@@ -37,9 +37,12 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
     groups = list(given(tables.particles))
     for k, group in groups[1:]:
         first = groups[0][1]
-        if group.shape != first.shape:
-            what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
-            yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
+        if group.body != first.body:
+            one, other = (show(each.shape if each.outline is None else each.outline.kind)
+                          for each in (group, first))  # fmt: skip
+            what = f"{one}, but the group '{first.name}' has {other}"
+            remedy = "use spheres in all groups or in none, where volumes are areas times thickness"
+            yield Refused(("particles", k, "shape"), what, remedy)
     yield from _unlike_starts(tables)
     yield from _too_many(tables)
     for k, group in groups:
@@ -120,7 +123,8 @@ def _check_sizes(
         )
         yield Refused((*path, "sizes"), what, "widen the domain or use smaller grains")
     elif group.count is not None:
-        least_area = group.count * math.pi * sizes.smallest * sizes.smallest
+        filled = 1.0 if group.outline is None else group.outline.filled
+        least_area = group.count * filled * math.pi * sizes.smallest * sizes.smallest
         if least_area > region.area().size:
             what = f"{group.count} grains cover more than the {region}"
             yield Refused((*path, "count"), what, "lower count, or enlarge region")

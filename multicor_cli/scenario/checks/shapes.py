@@ -1,0 +1,38 @@
+"""What grains that are no discs cannot do yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from multicor_cli.scenario.problems import KeyPath, Refused
+from multicor_cli.scenario.tables import PartialScenario, given
+
+
+def check(tables: PartialScenario) -> Iterator[Refused]:
+    """Findings about laws and mechanisms that take grains for discs."""
+    shaped = [group for _, group in given(tables.particles) if group.outline is not None]
+    if not shaped:
+        return
+    grains = f"the grains of '{shaped[0].name}', which are no discs"
+    for path, what in _of_discs(tables, {group.material for group in shaped}):
+        remedy = 'remove it, or use shape = "disc" in all groups'
+        yield Refused(path, f"{what} is not known of {grains}", remedy)
+
+
+def _of_discs(tables: PartialScenario, materials: set[str]) -> Iterator[tuple[KeyPath, str]]:
+    """Where the scenario asks for it, and what it is; ``materials`` are those of the grains."""
+    for k, entry in given(tables.contacts):
+        if entry.rolling_friction:
+            what = f"rolling resistance of {entry.rolling_friction:g}"
+            yield ("contacts", k, "rolling_friction"), what
+        if entry.attraction.force:
+            yield ("contacts", k, "adhesion"), f"adhesion of {entry.attraction.force:g} N"
+    for name in sorted(materials):
+        material = tables.materials.get(name)
+        if material is not None and material.expansion:
+            what = f"thermal expansion of {material.expansion:g} 1/K"
+            yield ("materials", name, "expansion"), what
+    if tables.heat is not None and tables.heat.wear_shrinks:
+        yield ("heat", "wear_shrinks"), "how they shrink by wear"
+    if tables.has_heat:
+        yield ("heat",), "heat"
