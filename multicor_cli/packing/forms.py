@@ -72,7 +72,7 @@ def turned(
     if make is None:
         return InitialGrains.at_rest(sizes, center)
     forms, angle = make(sizes.size).scaled(sizes), angles_of(group, sizes.size, random)
-    full = np.column_stack([np.broadcast_to(center, (sizes.size, 2)), angle])
+    full = np.column_stack([np.zeros((sizes.size, 2)) + center, angle])
     return InitialGrains.at_rest(forms.outlines.radius, full, forms)
 
 

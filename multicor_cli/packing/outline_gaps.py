@@ -40,7 +40,7 @@ class Placed(NamedTuple):
 
 def place_outlines(outlines: Outlines, position: Floats) -> Placed:
     """Outlines of grains at x, y [m] and angles [rad], shape ``(n, 3)``."""
-    corner = np.empty_like(outlines.corner)
+    corner = np.empty(outlines.corner.shape)
     turn_corners(outlines.piece, outlines.start, outlines.corner, position, corner)
     return Placed(outlines.piece, outlines.start, corner, outlines.rounding)
 

@@ -99,5 +99,5 @@ def test_impossible_fill_is_refused_with_the_number_that_fits(fill, words):
 
 def test_a_remedy_never_promises_more_grains_than_were_refused():
     for fraction in (0.7, 0.785, 0.8, 0.81, 0.9):
-        words = random._refusal(622, fraction, "and so on").remedy
+        words = random.refusal(622, fraction, "and so on").remedy
         assert all(int(number) < 622 for number in re.findall(r"\b\d{3}\b", words)), words

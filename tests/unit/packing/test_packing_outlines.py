@@ -1,0 +1,474 @@
+"""Grains that are no discs: gaps, packings without overlap, masses, angles, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from outline_brute import gap_of_cores, pieces_at, smallest_outline_gap
+from scenarios import plane, scenario
+
+from multicor_cli.model import ShapeKind
+from multicor_cli.model.measures import measure
+from multicor_cli.model.outlines import Outlines
+from multicor_cli.packing import build
+from multicor_cli.packing.outline_gaps import relative_gaps
+from multicor_cli.scenario import ScenarioError
+
+PENTAGON = {"kind": "polygon", "sides": 5}
+SQUARE = {"kind": "polygon", "sides": 4}
+CORNER = {
+    "kind": "clump",
+    "pieces": [
+        {"vertices": [[0, 0], [3, 0], [3, 1], [0, 1]]},
+        {"vertices": [[0, 0], [1, 0], [1, 3], [0, 3]], "radius": 0.1},
+    ],
+}
+SHAPES = {
+    "pentagons": PENTAGON,
+    "rods": {"kind": "rod", "aspect": 3.0},
+    "irregular": {
+        "kind": "polygon",
+        "sides": 6,
+        "irregular": 0.8,
+        "rounding": 0.1,
+        "elongation": 1.5,
+    },
+    "triangles": {"kind": "polygon", "vertices": [[0, 0], [3, 0], [0, 4]]},
+    "ellipses": {"kind": "ellipse", "aspect": 2.0},
+    "corners": CORNER,
+}
+SIZES = {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3}
+NO_WEIGHT = {"gravity": [0.0, 0.0]}
+
+
+def made(shape=PENTAGON, packing=None, sizes=SIZES, size=0.03, **said):
+    """Model and state of a scenario of one group."""
+    group = {
+        "shape": shape,
+        **({"sizes": sizes} if sizes else {}),
+        "packing": packing or {"kind": "random"},
+    }
+    keys = {k: said.pop(k) for k in ("count", "fill", "orientation", "region") if k in said}
+    if not {"count", "fill"} & keys.keys() and group["packing"]["kind"] == "random":
+        keys["count"] = 20
+    return build(
+        scenario(grains=group | keys, size=[size, size], walls=said.pop("walls", []), **said)
+    )
+
+
+def refused(*args, **said):
+    with pytest.raises(ScenarioError) as caught:
+        made(*args, **said)
+    return "; ".join(map(str, caught.value.problems))
+
+
+# ---- Gaps
+
+
+def random_piece(rng):
+    n = rng.integers(1, 7)
+    angle = np.sort(rng.random(n)) * 2 * np.pi
+    corners = np.column_stack([1.5 * np.cos(angle), np.sin(angle)]) * rng.uniform(0.2, 1.0)
+    return corners, rng.uniform(0.0, 0.4)
+
+
+def gaps_of(pieces, position, i, j, kind=(), world=(), periods=(0.0, 0.0, 0.0)):
+    """Relative gaps of grains of one piece with a reach of 1."""
+    ones = np.ones(len(pieces))
+    outlines = Outlines.of([[piece] for piece in pieces], ones, ones)
+    pairs = np.array(i, np.int32), np.array(j, np.int32)
+    shapes = np.array(kind, np.int32), np.array(world, float).reshape(-1, 4)
+    return relative_gaps(outlines, np.array(position, float), ones, *pairs, *shapes, periods)
+
+
+def turned(corners, position):
+    x, y, angle = position
+    c, s = math.cos(angle), math.sin(angle)
+    return corners @ np.array([[c, s], [-s, c]]) + [x, y]
+
+
+def test_gaps_are_those_of_all_directions():
+    rng, apart = np.random.default_rng(1), []
+    for _ in range(3000):
+        pieces = [random_piece(rng) for _ in range(2)]
+        place = np.column_stack([rng.uniform(-1.2, 1.2, (2, 2)), rng.uniform(0, 6, 2)])
+        (a, r), (b, q) = ((turned(c, at), r) for (c, r), at in zip(pieces, place, strict=True))
+        true = gap_of_cores(a, b) - r - q
+        found = gaps_of(pieces, place, [0], [1])[0]
+        apart.append(true > 0)
+        if true > 0:
+            assert -1e-12 <= found <= true + 1e-12
+        else:
+            assert found == pytest.approx(true, abs=3e-9)
+    assert 0.2 < np.mean(apart) < 0.8
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3, -0.7])
+def test_flush_sides_touch(offset):
+    box = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    for angle in (0.0, 0.3, 1.1):
+        along = np.array([math.cos(angle), math.sin(angle)])
+        for apart in (0.0, 1e-12, 0.01, -0.01):
+            way = (1.0 + apart) * along + offset * np.array([-along[1], along[0]])
+            place = [[0, 0, angle], [*way, angle + math.pi / 2]]
+            found = gaps_of([(box, 0.0)] * 2, place, [0], [1])[0]
+            assert found <= apart + 1e-14
+            assert found == pytest.approx(apart, abs=1e-14) or apart > 0
+
+
+def test_gaps_to_walls_of_every_kind():
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        piece = random_piece(rng)
+        at = [*rng.uniform(-0.5, 0.5, 2), rng.uniform(0, 6)]
+        corners, r = turned(piece[0], at), piece[1]
+        angle = rng.uniform(0, 6)
+        n = np.array([math.cos(angle), math.sin(angle)])
+        low, high = rng.uniform(-2, 2, (2, 2))
+        world = [
+            [*(-0.6 * n), *n],
+            [0.1, 0.2, 1.9, 0.0],
+            [*low, *high],
+            [*low, *high],
+            [*low, 0.8, 0.0],
+            [*low, -1, -1],
+        ]
+        kind = [
+            ShapeKind.PLANE,
+            ShapeKind.CIRCLE,
+            ShapeKind.SEGMENT,
+            ShapeKind.SIDE,
+            ShapeKind.DISC,
+            ShapeKind.VERTEX,
+        ]
+        found = gaps_of([piece], [at], [0] * 6, range(1, 7), kind, world)
+        line = gap_of_cores(corners, np.array([low, high])) - r
+        point = gap_of_cores(corners, low[None]) - r
+        true = [((corners + 0.6 * n) @ n).min() - r,
+                1.9 - np.hypot(*(corners - [0.1, 0.2]).T).max() - r, line, line, (point - 0.8) / 0.8, point]  # fmt: skip
+        for k, (one, other) in enumerate(zip(found, true, strict=True)):
+            if other > 0 and k > 1:
+                assert -1e-12 <= one <= other + 1e-12
+            else:
+                assert one == pytest.approx(other, abs=1e-8)
+
+
+def test_the_nearest_image_counts():
+    box = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    grains, shift = [(box, 0.0)] * 2, -0.3
+    place = [[0.2, 0.2, 0.0], [9.3, 9.3, 0.0]]
+    assert gaps_of(grains, place, [0], [1], periods=(10.0, 0.0, 0.0))[0] > 7
+    found = gaps_of(grains, place, [0], [1], periods=(10.0, 10.0, shift))[0]
+    assert found == pytest.approx(max(-0.1, -1.1 + 0.9 + shift), abs=1e-14)
+    wall = [ShapeKind.SEGMENT], [[9.4, -1.0, 9.4, 1.0]]
+    assert gaps_of([(box, 0.0)], [[0.2, 0.2, 0.0]], [0], [1], *wall, (10.0, 0.0, 0.0))[0] > 0
+    assert gaps_of([(box, 0.0)], [[0.2, 0.2, 0.0]], [0], [1], [ShapeKind.DISC], [[9.8, 0.2, 0.1, 0]],
+                   (10.0, 0.0, 0.0))[0] == pytest.approx(-2.0)  # fmt: skip
+
+
+# ---- Random packings
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize(
+    ("fill", "kind"), [(0.2, "box"), (0.6, "box"), (0.6, "period"), (0.6, "cell")]
+)
+def test_fill_is_reached_without_overlap(name, fill, kind):
+    domain = {
+        "box": {},
+        "period": {"periodic": True},
+        "cell": {"periodic": ["x", "y"], **NO_WEIGHT},
+    }
+    model, state = made(SHAPES[name], fill=fill, domain=domain[kind])
+    assert model.area.sum() == pytest.approx(fill * 0.03**2, rel=0.01)
+    assert smallest_outline_gap(model, state) >= -1e-12
+    for grain in range(model.grain_count):
+        for corners, r in pieces_at(model, state, grain):
+            low, high = corners.min(axis=0) - r, corners.max(axis=0) + r
+            axes = {"box": [0, 1], "period": [1], "cell": []}[kind]
+            assert (low[axes] > -1e-9).all()
+            assert (high[axes] < 0.03 + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "fill"), [("pentagons", 0.74), ("rods", 0.8), ("ellipses", 0.8), ("corners", 0.6)]
+)
+def test_dense_packings_are_made(name, fill):
+    model, state = made(SHAPES[name], fill=fill, domain={"periodic": True})
+    assert smallest_outline_gap(model, state) >= -1e-12
+
+
+def test_all_directions_are_alike_at_first():
+    model, state = made(SHAPES["rods"], fill=0.15, size=0.08)
+    assert model.grain_count > 400
+    for order in (1, 2, 4):
+        mean = np.exp(1j * order * state.position[:, 2]).mean()
+        assert abs(mean) < 3.0 / math.sqrt(model.grain_count)
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not():
+    one, again, other = (
+        made(fill=0.6, scenario={"name": "s", "seed": seed})[1] for seed in (1, 1, 2)
+    )
+    assert np.array_equal(one.position, again.position)
+    assert not np.array_equal(one.position[:2], other.position[:2])
+
+
+def test_a_gap_is_kept():
+    model, state = made(PENTAGON, {"kind": "random", "separation": 0.2}, fill=0.4)
+    assert smallest_outline_gap(model, state) >= 0.2 * 2 * model.grains.radius.mean() * (1 - 1e-9)
+
+
+def test_angles_that_are_given_stay():
+    model, state = made(SQUARE, fill=0.6, orientation={"kind": "fixed", "angle": 0.4})
+    assert (state.position[:, 2] == 0.4).all()
+    assert smallest_outline_gap(model, state) >= -1e-12
+    angles = [0.1 * k for k in range(20)]
+    _, state = made(SQUARE, count=20, orientation={"kind": "list", "angles": angles})
+    assert list(state.position[:, 2]) == angles
+    text = refused(SQUARE, count=19, orientation={"kind": "list", "angles": angles})
+    assert "particles.0.orientation.angles: 20 angles are given for 19 grains" in text
+
+
+def test_what_does_not_fit_is_refused():
+    text = refused(SQUARE, fill=0.89)
+    assert "do not fit" in text
+    assert "about" in text
+
+
+def test_later_groups_and_walls_are_kept_clear_of():
+    def group(name, shape):
+        return {
+            "name": name,
+            "shape": shape,
+            "sizes": SIZES,
+            "fill": 0.06,
+            "packing": {"kind": "random"},
+        }
+
+    model, state = build(scenario(
+        particles=[group("a", PENTAGON), group("b", "disc"), group("c", SHAPES["rods"])],
+        walls={"disc": {"kind": "disc", "center": [0.02, 0.02], "radius": 4e-3}}, size=[0.04, 0.04],
+    ))  # fmt: skip
+    assert smallest_outline_gap(model, state) >= -1e-12
+    for grain in range(model.grain_count):
+        for corners, r in pieces_at(model, state, grain):
+            assert gap_of_cores(corners, np.array([[0.02, 0.02]])) - r >= 4e-3 - 1e-12
+    outlines, discs = model.outlines, model.grains.group == 1
+    assert np.array_equal(outlines.is_disc, discs)
+    assert np.array_equal(outlines.radius, model.grains.radius)
+    assert model.area[discs] == pytest.approx(np.pi * model.grains.radius[discs] ** 2)
+
+
+# ---- What grains are
+
+
+def expected(outlines, grain):
+    found = measure([outlines.pieces(grain)])
+    return found.area[0], found.gyration[0], np.hypot(*found.center[0])
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("size", ["reach", "area"])
+def test_masses_follow_from_areas_and_sizes_from_what_they_mean(name, size):
+    model, _ = made({**SHAPES[name], "size": size}, count=12)
+    lengths = model.grains.radius if size == "reach" else np.sqrt(model.area / np.pi)
+    assert lengths.min() >= 0.8e-3 * (1 - 1e-12)
+    assert lengths.max() <= 1.2e-3 * (1 + 1e-12)
+    assert np.ptp(lengths) > 0.2e-3
+    for grain in range(12):
+        area, gyration, off = expected(model.outlines, grain)
+        assert model.outlines.area[grain] == pytest.approx(area, rel=1e-12)
+        assert off < 1e-12 * model.grains.radius[grain]
+        mass = 2500.0 * 1e-3 * area
+        assert model.grains.mass[grain] == pytest.approx(mass, rel=1e-12)
+        assert model.grains.inertia[grain] == pytest.approx(mass * gyration, rel=1e-12)
+
+
+def unit(shape):
+    model, _ = made(shape, count=1, sizes={"kind": "list", "radii": [1e-3]}, size=0.1)
+    ((corners, rounding),) = model.outlines.pieces(0)
+    return corners * 1e3, rounding * 1e3
+
+
+def test_shapes_are_what_their_keys_say():
+    corners, rounding = unit({"kind": "polygon", "sides": 4, "elongation": 2.0})
+    assert np.sort(corners, axis=0) == pytest.approx(
+        np.sort([[2, -1], [2, 1], [-2, 1], [-2, -1]], axis=0) / math.sqrt(5)
+    )
+    assert rounding == 0.0
+    corners, rounding = unit({"kind": "polygon", "sides": 6, "rounding": 0.2})
+    assert np.hypot(*corners.T) == pytest.approx(0.8)
+    assert rounding == pytest.approx(0.2)
+    assert corners[:, 1].min() == pytest.approx(-0.8 * math.sqrt(0.75))  # it stands on a side
+    assert np.count_nonzero(np.isclose(corners[:, 1], corners[:, 1].min())) == 2
+    corners, rounding = unit({"kind": "rod", "aspect": 4.0})
+    assert corners == pytest.approx(np.array([[-0.75, 0], [0.75, 0]]))
+    assert rounding == pytest.approx(0.25)
+    corners, _ = unit({"kind": "polygon", "vertices": [[0, 0], [0, 4], [3, 0], [1.5, 0]]})
+    sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
+    assert sorted(sides / sides.max()) == pytest.approx(
+        [0.6, 0.8, 1.0]
+    )  # turned, without the fourth
+
+
+@pytest.mark.parametrize("sides", [8, 32])
+def test_sides_of_an_ellipse_touch_it(sides):
+    a, b = 1.0, 0.4
+    corners, rounding = unit({"kind": "ellipse", "aspect": 2.5, "sides": sides})
+    assert rounding == pytest.approx(b * b / a)
+    angle = np.linspace(0, 2 * np.pi, 720 * sides, endpoint=False)
+    n = np.column_stack([np.cos(angle), np.sin(angle)])
+    support, true = (corners @ n.T).max(axis=0) + rounding, np.hypot(a * n[:, 0], b * n[:, 1])
+    gap = true - support
+    assert gap.min() > -1e-12
+    assert gap[::720] == pytest.approx(0.0, abs=1e-12)  # at its corners
+    assert gap.max() < (a * a / b - b * b / a) * (1 - math.cos(math.pi / sides))
+
+
+def test_irregular_grains_differ_and_are_convex():
+    model, _ = made({"kind": "polygon", "sides": 5, "irregular": 0.9}, count=40)
+    shares = model.area / (np.pi * model.grains.radius**2)
+    assert np.ptp(shares) > 0.05
+    for grain in range(40):
+        ((corners, _),) = model.outlines.pieces(grain)
+        side = np.roll(corners, -1, axis=0) - corners
+        after = np.roll(side, -1, axis=0)
+        assert (side[:, 0] * after[:, 1] - side[:, 1] * after[:, 0] > 0).all()
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [{"kind": "disc"}, {"kind": "rod", "aspect": 1.0}, {"kind": "ellipse", "aspect": 1.0},
+     {"kind": "clump", "pieces": [{"center": [3.0, 1.0], "radius": 2.0}]}],
+)  # fmt: skip
+@pytest.mark.parametrize("packing", ["random", "deposited"])
+def test_what_is_a_disc_has_the_bits_of_one(shape, packing):
+    given = {"packing": {"kind": packing}, "count": 30}
+    (model, state), (disc, at) = made(shape, **given), made("disc", **given)
+    assert model.outlines is None
+    for name, value in vars(disc.grains).items():
+        assert np.array_equal(value, getattr(model.grains, name)), name
+    assert state.digest() == at.digest()
+
+
+# ---- Other packings
+
+
+@pytest.mark.parametrize("name", ["pentagons", "irregular", "corners"])
+@pytest.mark.parametrize("size", ["reach", "area"])
+def test_a_lattice_is_filled(name, size):
+    shape = {**SHAPES[name], "size": size}
+    model, state = made(shape, {"kind": "lattice", "lattice": "triangular"})
+    assert model.grain_count > 30
+    assert smallest_outline_gap(model, state) >= -1e-12
+    assert np.ptp(state.position[:, 2]) > 5.0
+
+
+def test_tiles_repeat_outlines_and_angles():
+    packing = {
+        "kind": "tile",
+        "source": {"kind": "random"},
+        "tile": [0.015, 0.015],
+        "repeat": [2, 2],
+        "tile_fill": 0.5,
+    }
+    model, state = made(SHAPES["irregular"], packing, domain={"periodic": True})
+    assert smallest_outline_gap(model, state) >= -1e-12
+    angles, counts = np.unique(state.position[:, 2], return_counts=True)
+    assert counts.max() >= 2
+    same = np.flatnonzero(state.position[:, 2] == angles[counts.argmax()])
+    shapes = {model.outlines.pieces(int(k))[0][0].tobytes() for k in same}
+    assert len(shapes) == 1
+
+
+def test_a_file_brings_places_sizes_and_angles(tmp_path):
+    path = tmp_path / "grains.csv"
+    path.write_text("x,y,radius,angle\n0.01,0.01,1e-3,0.5\n0.02,0.01,2e-3,-1\n")
+    model, state = made(SQUARE, {"kind": "file", "path": str(path)}, sizes=None, walls=[])
+    assert state.position == pytest.approx(np.array([[0.01, 0.01, 0.5], [0.02, 0.01, -1.0]]))
+    assert model.grains.radius == pytest.approx([1e-3, 2e-3])
+    assert model.area == pytest.approx([2e-6, 8e-6])
+
+
+DRAWN = """grain,x,y
+1,10,0
+1,14,0
+1,14,2
+1,10,2
+7,10,2
+7,14,2
+7,12,6
+"""
+
+
+def test_outlines_are_placed_as_drawn(tmp_path):
+    path = tmp_path / "outlines.csv"
+    path.write_text(DRAWN)
+    shape = {"kind": "file", "file": str(path)}
+    packing = {"kind": "outlines", "scale": 1e-3, "shift": [0.001, 0.002]}
+    model, state = made(shape, packing, sizes=None)
+    assert state.position == pytest.approx(
+        np.array([[0.013, 0.003, 0], [0.013, 0.002 + 2e-3 + 4e-3 / 3, 0]])
+    )
+    assert model.area == pytest.approx([8e-6, 8e-6])
+    ((corners, _),) = pieces_at(model, state, 1)
+    assert corners == pytest.approx(np.array([[11, 4], [15, 4], [13, 8]]) * 1e-3)
+    # The same outlines in turn, at random
+    model, _ = made(shape, count=5)
+    assert [len(model.outlines.pieces(k)[0][0]) for k in range(5)] == [4, 3, 4, 3, 4]
+
+
+def test_grains_wait_for_their_release_with_outlines_and_angles():
+    table = {"shape": PENTAGON, "sizes": SIZES, "count": 10,
+             "release": {"rate": 100.0, "region": {"min": [0.005, 0.02], "max": [0.025, 0.03]}}}  # fmt: skip
+    model, state = build(scenario(particles=[table], size=[0.03, 0.03]))
+    assert model.outlines.fit(10)
+    assert np.ptp(state.position[:, 2]) > 1.0
+
+
+# ---- Overlaps at the start
+
+
+def rows(tmp_path, *grains):
+    path = tmp_path / "grains.csv"
+    path.write_text(
+        "x,y,radius,angle\n" + "".join(",".join(map(repr, row)) + "\n" for row in grains)
+    )
+    return {"packing": {"kind": "file", "path": str(path)}, "sizes": None}
+
+
+def test_circles_may_overlap_where_outlines_do_not(tmp_path):
+    side = math.sqrt(2) * 1e-3
+    stack = [
+        (0.01 + k * side, 0.5 * side + row * side, 1e-3, 0.0) for k in range(3) for row in range(3)
+    ]
+    model, _ = made(SQUARE, walls={"floor": plane(), "side": {"kind": "plane", "point": [0.01 - side / 2, 0], "normal": [1, 0]}},
+                    **rows(tmp_path, *stack))  # fmt: skip
+    assert model.grain_count == 9
+
+
+def test_outlines_that_overlap_are_refused(tmp_path):
+    side = math.sqrt(2) * 1e-3
+    pair = [(0.01, 0.01, 1e-3, 0.0), (0.01 + 0.99 * side, 0.01, 1e-3, 0.0)]
+    text = refused(SQUARE, **rows(tmp_path, *pair))
+    assert "grains 0 and 1 by 1.41e-05 m (1.41 % of the smaller radius)" in text
+    text = refused(
+        SQUARE,
+        walls={"floor": plane(0.01)},
+        **rows(tmp_path, (0.01, 0.01 + 0.49 * side, 1e-3, 0.0)),
+    )
+    assert "the wall 'floor' cuts grains at the start: grain 0 by 1.41e-05 m" in text
+    line = {"kind": "polyline", "points": [[0.01, 0.005], [0.01, 0.0098]]}
+    text = refused(SQUARE, walls={"line": line}, **rows(tmp_path, (0.01, 0.01, 1e-3, 0.0)))
+    assert "'line' cuts grains" in text
+    made(SQUARE, walls={"line": line}, **rows(tmp_path, (0.01, 0.0098 + 0.5 * side, 1e-3, 0.0)))
+
+
+def test_long_thin_grains_side_by_side_are_no_crowd(tmp_path):
+    rods = [(0.01 + 1e-4 * k, 0.01, 2e-3, math.pi / 2) for k in range(60)]
+    shape = {"kind": "rod", "aspect": 40.0}
+    model, _ = made(shape, **rows(tmp_path, *rods))
+    assert model.grain_count == 60
+    rods[40] = (0.01 + 1e-4 * 40.2, 0.01, 2e-3, math.pi / 2)
+    assert "grains 40 and 41" in refused(shape, **rows(tmp_path, *rods))
