@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.engine.geometry.outlines import Pieces, touch, turn_grains, with_normals
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
@@ -20,13 +21,6 @@ from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.initial_grains import PackingRegion
-from multicor_cli.packing.outline_gaps import (
-    Placed,
-    gap_of_pieces,
-    gap_to_plane,
-    place_outlines,
-    turn_corners,
-)
 from multicor_cli.packing.overlap import DiscPairs, find_pairs, wrap
 from multicor_cli.packing.random import (
     ACCEPTED_OVERLAP,
@@ -77,41 +71,45 @@ def _push(force: Floats, i: int, fx: float, fy: float, ox: float, oy: float, rea
 
 @kernel
 def _repel_pair(
-    position: Floats, placed: Placed, reach: Floats, i: int, j: int, dx: float, dy: float,
-    is_image: bool, force: Floats,
+    pieces: Pieces, reach: Floats, i: int, j: int, dx: float, dy: float, is_image: bool,
+    force: Floats,
 ) -> float:  # fmt: skip
-    """Add the forces of two grains, the second moved by (dx, dy); of an image only the first's."""
-    worst, small = 0.0, min(reach[i], reach[j])
-    for a in range(placed.piece[i], placed.piece[i + 1]):
-        for b in range(placed.piece[j], placed.piece[j + 1]):
-            gap, nx, ny, px, py = gap_of_pieces(placed, a, b, dx, dy, small)
-            if gap >= 0.0:
-                continue
-            fx, fy = gap * nx, gap * ny
-            _push(force, i, fx, fy, px - position[i, X], py - position[i, Y], reach[i])
-            if not is_image:
-                ox, oy = px - dx - position[j, X], py - dy - position[j, Y]
-                _push(force, j, -fx, -fy, ox, oy, reach[j])
-            worst = max(worst, -gap / small)
-    return worst
+    """Add the forces of two grains; (dx, dy) leads from j to i. Of an image only i's."""
+    least = 0.0
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for b in range(pieces.piece[j], pieces.piece[j + 1]):
+            for point in touch(pieces, a, b, dx, dy):
+                if point.gap >= 0.0:
+                    continue
+                fx, fy = -point.gap * point.nx, -point.gap * point.ny
+                _push(force, i, fx, fy, point.i_x, point.i_y, reach[i])
+                if not is_image:
+                    _push(force, j, -fx, -fy, point.j_x, point.j_y, reach[j])
+                least = min(least, point.gap)
+    return float(-least / min(reach[i], reach[j]))
 
 
 @kernel
 def _repel_plane(
-    position: Floats, placed: Placed, reach: Floats, i: int, plane: Floats, force: Floats
+    position: Floats, pieces: Pieces, reach: Floats, i: int, plane: Floats, force: Floats
 ) -> float:
-    """Add the force of a plane: a point of it, and its normal."""
-    gap, v = gap_to_plane(placed, i, plane)
-    if gap >= 0.0:
-        return 0.0
-    ox, oy = placed.corner[v, X] - position[i, X], placed.corner[v, Y] - position[i, Y]
-    _push(force, i, -gap * plane[TAIL_X], -gap * plane[TAIL_Y], ox, oy, reach[i])
-    return float(-2.0 * gap / reach[i])  # as of discs: only one of the two is enlarged
+    """Add the forces of a plane: a point of it, and its normal."""
+    nx, ny = plane[TAIL_X], plane[TAIL_Y]
+    height = (position[i, X] - plane[X]) * nx + (position[i, Y] - plane[Y]) * ny
+    least = 0.0
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for v in range(pieces.start[a], pieces.start[a + 1]):
+            x, y = pieces.corner[v, X], pieces.corner[v, Y]
+            gap = height + x * nx + y * ny - pieces.rounding[a]
+            if gap < 0.0:
+                _push(force, i, -gap * nx, -gap * ny, x, y, reach[i])
+                least = min(least, gap)
+    return float(-2.0 * least / reach[i])  # as of discs: only one of the two is enlarged
 
 
 @kernel
 def _repel(
-    position: Floats, placed: Placed, reach: Floats, pairs: DiscPairs, kind: Ints, world: Floats,
+    position: Floats, pieces: Pieces, reach: Floats, pairs: DiscPairs, kind: Ints, world: Floats,
     ghosts: Ghosts, period: float, force: Floats,
 ) -> float:  # fmt: skip
     """Fill ``force`` [m]; return the largest overlap over the smaller reach."""
@@ -125,7 +123,7 @@ def _repel(
             j = pairs.partner[p]
             shape = j - count
             if shape >= 0 and kind[shape] == _PLANE:
-                worst = max(worst, _repel_plane(position, placed, reach, i, world[shape], force))
+                worst = max(worst, _repel_plane(position, pieces, reach, i, world[shape], force))
                 continue
             if 0 <= shape < first:
                 gap, nx, ny = gap_to_shape(x, y, reach[i], shape, kind, world, period)
@@ -136,26 +134,24 @@ def _repel(
             source, up = j, 0.0
             if shape >= 0:
                 source, up = ghosts.source[shape - first], ghosts.shift[shape - first]
-            dx, dy = position[source, X] - x, position[source, Y] + up - y
-            dx = minimum_image(dx, period)
+            dx, dy = minimum_image(x - position[source, X], period), y - position[source, Y] - up
             near = reach[i] + reach[source]
             if dx * dx + dy * dy < near * near:
-                dx -= position[source, X] - x
                 worst = max(worst, _repel_pair(
-                    position, placed, reach, i, source, dx, up, shape >= 0, force
+                    pieces, reach, i, source, dx, dy, shape >= 0, force
                 ))  # fmt: skip
     return worst
 
 
 @kernel
 def _descend(
-    position: Floats, velocity: Floats, local: Floats, placed: Placed, reach: Floats,
+    position: Floats, velocity: Floats, local: Pieces, pieces: Pieces, reach: Floats,
     pairs: DiscPairs, kind: Ints, world: Floats, ghosts: Ghosts, period: float, turns: bool,
     clock: Floats, target: float, travel: float, steps: int,
 ) -> tuple[int, float, bool]:  # fmt: skip
     """As that of discs, with angles; grains keep theirs unless they may turn.
 
-    **Modifies** also the corners of ``placed``, whose frames are in ``local``.
+    **Modifies** also the corners of ``pieces``, which are at angle 0 in ``local``.
     """
     before = position.copy()
     force = np.zeros_like(position)
@@ -163,8 +159,8 @@ def _descend(
     worst = 0.0
     for step in range(steps):
         follow(position, ghosts, world)
-        turn_corners(placed.piece, placed.start, local, position, placed.corner)
-        worst = _repel(position, placed, reach, pairs, kind, world, ghosts, period, force)
+        turn_grains(local, position, pieces.corner)
+        worst = _repel(position, pieces, reach, pairs, kind, world, ghosts, period, force)
         if worst <= target:
             return step, worst, False
         if not turns:
@@ -200,7 +196,11 @@ def _relax(
     reach = outlines.radius
     skin = SKIN * mean(reach)
     now, velocity = position.copy(), np.zeros((reach.size, 3))
-    placed = place_outlines(outlines, now)
+    local = Pieces(
+        outlines.piece, outlines.start, with_normals(outlines), outlines.rounding, reach,
+        ~outlines.is_disc,
+    )  # fmt: skip
+    pieces = local._replace(corner=local.corner.copy())
     clock = np.array([FIRST_STEP, FIRST_MIXING, 0.0])
     done, checked, before = 0, 0, np.inf
     worst, is_jammed = np.inf, False
@@ -213,7 +213,7 @@ def _relax(
             ghosts, solid = images_of(now, reach, region, obstacles, skin)
         pairs = find_pairs(now, reach, solid, skin, region.period)
         steps, worst, is_jammed = _descend(
-            now, velocity, outlines.corner, placed, reach, pairs, solid.kind, solid.world.copy(),
+            now, velocity, local, pieces, reach, pairs, solid.kind, solid.world.copy(),
             ghosts, region.period, turns, clock, target, 0.5 * skin, checked + _PATIENCE - done,
         )  # fmt: skip
         done += steps

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.neighbors import classify, find_near, make_grids
-from multicor_cli.engine.geometry.scene import gap_to_shape
+from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, touch, true_gap, turned
+from multicor_cli.engine.geometry.scene import Scene, from_first_end, gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model import Model
-from multicor_cli.model.columns import RADIUS, XX, XY, YY, X, Y
+from multicor_cli.model.columns import RADIUS, TAIL_X, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import Room, ShapeKind
 from multicor_cli.packing.initial_grains import NAMED
-from multicor_cli.packing.outline_gaps import relative_gaps
 from multicor_cli.packing.walls import Front, Obstacles
 from multicor_cli.scenario.problems import Refused
 
@@ -77,7 +77,7 @@ Cells are one largest diameter wide, and radii of a class differ by a factor of 
 
 _FAR = 2.0**62
 """Cells this far out count as one: for radii above 1e-13 m no coordinate is so far out."""
-_DISC = int(ShapeKind.DISC)
+_DISC, _SEGMENT, _SIDE = int(ShapeKind.DISC), int(ShapeKind.SEGMENT), int(ShapeKind.SIDE)
 
 
 @kernel
@@ -104,24 +104,6 @@ def _relative_gaps(
         if period > 0.0:
             dx -= period * np.floor(dx / period + 0.5)
         out[p] = (np.sqrt(dx * dx + dy * dy) - r - radius[b]) / min(r, radius[b])
-
-
-def overlapping_pairs(
-    position: Floats, radius: Floats, shapes: Obstacles, period: float
-) -> tuple[Ints, Ints, Floats]:
-    """Pairs that overlap by more than `LARGEST_OVERLAP`, worst first.
-
-    First grain, second grain or n + wall shape, and overlap over the smaller radius.
-    """
-    pairs = find_pairs(
-        position, radius, shapes, -0.999 * LARGEST_OVERLAP * float(radius.min()), period
-    )
-    i = np.repeat(np.arange(radius.size, dtype=np.int32), np.diff(pairs.row))
-    gap = np.empty(i.size)
-    _relative_gaps(position, radius, i, pairs.partner, shapes.kind, shapes.world, period, gap)
-    order = np.flatnonzero(gap < -LARGEST_OVERLAP)
-    order = order[np.lexsort((pairs.partner[order], i[order], gap[order]))]
-    return i[order], pairs.partner[order], -gap[order]
 
 
 def thin_crowds(position: Floats, radius: Floats, most: float = CROWD) -> NDArray[np.int64]:
@@ -154,22 +136,24 @@ def overlap_problems(
     if outlines is not None:  # more of them may lie side by side
         most *= float((math.pi * (radius * radius) / outlines.area).max())
     kept = here[thin_crowds(position[here], radius[here], most)].astype(np.int32)
-    periods = model.period, 0.0, 0.0
-    if cell is None:
-        i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, model.period)
-    else:  # without walls, but with images of the lowest grains above
-        low = np.flatnonzero(position[kept, Y] < 2.0 * radius[kept].max())
+    solid, period, low = shapes, model.period, np.zeros(0, np.int64)
+    if cell is not None:  # without walls, but with images of the lowest grains above
+        period, low = float(cell[XX]), np.flatnonzero(position[kept, Y] < 2.0 * radius[kept].max())
         above = position[kept[low], :2] + np.array([cell[XY], cell[YY]])
-        images = Obstacles.none().with_discs(np.column_stack([above, radius[kept[low]]]))
-        i, j, overlap = overlapping_pairs(position[kept], radius[kept], images, float(cell[XX]))
+        solid = Obstacles.none().with_discs(np.column_stack([above, radius[kept[low]]]))
+    least = -0.999 * LARGEST_OVERLAP * float(radius[kept].min())
+    pairs = find_pairs(position[kept], radius[kept], solid, least, period)
+    i = np.repeat(np.arange(kept.size, dtype=np.int32), np.diff(pairs.row))
+    j, gap = pairs.partner, np.empty(i.size)
+    if outlines is None:
+        _relative_gaps(position[kept], radius[kept], i, j, solid.kind, solid.world, period, gap)
+    if low.size:
         j = np.concatenate([np.arange(kept.size), low])[j].astype(np.int32)
-        periods = float(cell[XX]), float(cell[YY]), float(cell[XY])
-    if outlines is not None:  # of those of the circles around them
-        of_kept = outlines.of_grains(kept.astype(np.int64)), position[kept], radius[kept]
-        overlap = -relative_gaps(*of_kept, i, j, shapes.kind, shapes.world, periods)
-        order = np.flatnonzero(overlap > LARGEST_OVERLAP)
-        order = order[np.lexsort((j[order], i[order], -overlap[order]))]
-        i, j, overlap = i[order], j[order], overlap[order]
+    if outlines is not None:  # of pairs whose circles overlap
+        gap = _gaps_of_outlines(model, position, shapes, cell, kept, i, j)
+    order = np.flatnonzero(gap < -LARGEST_OVERLAP)
+    order = order[np.lexsort((j[order], i[order], gap[order]))]
+    i, j, overlap = i[order], j[order], -gap[order]
     among, problems = j < kept.size, []
     if among.any():
         a, b = kept[i[among]], kept[j[among]]
@@ -195,6 +179,52 @@ def overlap_problems(
         remedy = "move the wall, or give the grains a region that keeps clear of it"
         problems.append(Refused(("walls", int(w)), text, remedy))
     return problems
+
+
+def _gaps_of_outlines(
+    model: Model, position: Floats, shapes: Obstacles, cell: Floats | None, kept: Ints, i: Ints,
+    j: Ints,
+) -> Floats:  # fmt: skip
+    """Gap of each pair by its outlines over the smaller radius.
+
+    Pairs are numbered among the grains ``kept``, then come wall shapes.
+    """
+    n, is_wall = model.grain_count, j >= kept.size
+    periods = (model.period, 0.0, 0.0) if cell is None else cell.tolist()
+    scene = Scene(
+        position, model.grains.radius, model.material, shapes.kind, model.shapes.wall, shapes.world,
+        np.zeros((model.wall_count, 3)), periods[0], height=periods[1], tilt=periods[2],
+    )  # fmt: skip
+    local = pieces_of(model)
+    assert local is not None  # only then it is asked for
+    radius = np.concatenate([
+        model.grains.radius, np.where(shapes.is_disc, shapes.world[:, RADIUS], math.inf)
+    ])  # fmt: skip
+    first, second = kept[i], np.where(is_wall, j + n - kept.size, kept[np.where(is_wall, 0, j)])
+    gap = np.empty(i.size)
+    _true_gaps(scene, turned(local, scene), first, second.astype(np.int32), gap)
+    return np.asarray(gap / np.minimum(radius[first], radius[second]))
+
+
+@kernel
+def _true_gaps(scene: Scene, pieces: Pieces, i: Ints, j: Ints, out: Floats) -> None:
+    for p in range(i.size):
+        shape = j[p] - scene.radius.size
+        if shape >= 0 and (scene.kind[shape] == _SEGMENT or scene.kind[shape] == _SIDE):
+            out[p] = _gap_to_line(scene, pieces, i[p], shape)
+        else:
+            out[p] = true_gap(scene, pieces, i[p], j[p])[0]
+
+
+@kernel
+def _gap_to_line(scene: Scene, pieces: Pieces, i: int, shape: int) -> float:
+    """Gap of a grain and a line with its ends [m], however deep one is in the other."""
+    x, y, line = scene.position[i, X], scene.position[i, Y], scene.world[shape]
+    dx = line[X] + from_first_end(x, line[X], line[TAIL_X], scene.period)
+    least, b = math.inf, pieces.piece[scene.radius.size + shape]
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        least = min(least, touch(pieces, a, b, dx, y)[0].gap)
+    return least
 
 
 def behind_problem(

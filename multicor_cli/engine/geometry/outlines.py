@@ -82,7 +82,7 @@ def pieces_of(model: Model) -> Pieces | None:
     of_discs = np.where(shapes.kind == _DISC, shapes.geometry[:, RADIUS], 0.0)
     start = np.concatenate([outlines.start, ends]).astype(np.int32)
     corner = np.zeros((int(start[-1]), 4))
-    corner[: len(outlines.corner)] = _with_normals(outlines)
+    corner[: len(outlines.corner)] = with_normals(outlines)
     return Pieces(
         np.concatenate([outlines.piece, outlines.piece[-1] + np.cumsum(has)]).astype(np.int32),
         start,
@@ -93,7 +93,8 @@ def pieces_of(model: Model) -> Pieces | None:
     )
 
 
-def _with_normals(outlines: Outlines) -> Floats:
+def with_normals(outlines: Outlines) -> Floats:
+    """Corners at angle 0 and normals of the edges that begin there, as in `Pieces`."""
     found = np.zeros((len(outlines.corner), 4))
     found[:, :2] = outlines.corner
     after = np.arange(1, len(found) + 1)

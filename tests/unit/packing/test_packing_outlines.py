@@ -1,4 +1,4 @@
-"""Grains that are no discs: gaps, packings without overlap, masses, angles, and what is refused."""
+"""Grains that are no discs: packings without overlap, masses, angles, and what is refused."""
 
 import math
 
@@ -7,11 +7,8 @@ import pytest
 from outline_brute import gap_of_cores, pieces_at, smallest_outline_gap
 from scenarios import plane, scenario
 
-from multicor_cli.model import ShapeKind
 from multicor_cli.model.measures import measure
-from multicor_cli.model.outlines import Outlines
 from multicor_cli.packing import build
-from multicor_cli.packing.outline_gaps import relative_gaps
 from multicor_cli.scenario import ScenarioError
 
 PENTAGON = {"kind": "polygon", "sides": 5}
@@ -60,110 +57,6 @@ def refused(*args, **said):
     with pytest.raises(ScenarioError) as caught:
         made(*args, **said)
     return "; ".join(map(str, caught.value.problems))
-
-
-# ---- Gaps
-
-
-def random_piece(rng):
-    n = rng.integers(1, 7)
-    angle = np.sort(rng.random(n)) * 2 * np.pi
-    corners = np.column_stack([1.5 * np.cos(angle), np.sin(angle)]) * rng.uniform(0.2, 1.0)
-    return corners, rng.uniform(0.0, 0.4)
-
-
-def gaps_of(pieces, position, i, j, kind=(), world=(), periods=(0.0, 0.0, 0.0)):
-    """Relative gaps of grains of one piece with a reach of 1."""
-    ones = np.ones(len(pieces))
-    outlines = Outlines.of([[piece] for piece in pieces], ones, ones)
-    pairs = np.array(i, np.int32), np.array(j, np.int32)
-    shapes = np.array(kind, np.int32), np.array(world, float).reshape(-1, 4)
-    return relative_gaps(outlines, np.array(position, float), ones, *pairs, *shapes, periods)
-
-
-def turned(corners, position):
-    x, y, angle = position
-    c, s = math.cos(angle), math.sin(angle)
-    return corners @ np.array([[c, s], [-s, c]]) + [x, y]
-
-
-def test_gaps_are_those_of_all_directions():
-    rng, apart = np.random.default_rng(1), []
-    for _ in range(3000):
-        pieces = [random_piece(rng) for _ in range(2)]
-        place = np.column_stack([rng.uniform(-1.2, 1.2, (2, 2)), rng.uniform(0, 6, 2)])
-        (a, r), (b, q) = ((turned(c, at), r) for (c, r), at in zip(pieces, place, strict=True))
-        true = gap_of_cores(a, b) - r - q
-        found = gaps_of(pieces, place, [0], [1])[0]
-        apart.append(true > 0)
-        if true > 0:
-            assert -1e-12 <= found <= true + 1e-12
-        else:
-            assert found == pytest.approx(true, abs=3e-9)
-    assert 0.2 < np.mean(apart) < 0.8
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.3, -0.7])
-def test_flush_sides_touch(offset):
-    box = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    for angle in (0.0, 0.3, 1.1):
-        along = np.array([math.cos(angle), math.sin(angle)])
-        for apart in (0.0, 1e-12, 0.01, -0.01):
-            way = (1.0 + apart) * along + offset * np.array([-along[1], along[0]])
-            place = [[0, 0, angle], [*way, angle + math.pi / 2]]
-            found = gaps_of([(box, 0.0)] * 2, place, [0], [1])[0]
-            assert found <= apart + 1e-14
-            assert found == pytest.approx(apart, abs=1e-14) or apart > 0
-
-
-def test_gaps_to_walls_of_every_kind():
-    rng = np.random.default_rng(2)
-    for _ in range(300):
-        piece = random_piece(rng)
-        at = [*rng.uniform(-0.5, 0.5, 2), rng.uniform(0, 6)]
-        corners, r = turned(piece[0], at), piece[1]
-        angle = rng.uniform(0, 6)
-        n = np.array([math.cos(angle), math.sin(angle)])
-        low, high = rng.uniform(-2, 2, (2, 2))
-        world = [
-            [*(-0.6 * n), *n],
-            [0.1, 0.2, 1.9, 0.0],
-            [*low, *high],
-            [*low, *high],
-            [*low, 0.8, 0.0],
-            [*low, -1, -1],
-        ]
-        kind = [
-            ShapeKind.PLANE,
-            ShapeKind.CIRCLE,
-            ShapeKind.SEGMENT,
-            ShapeKind.SIDE,
-            ShapeKind.DISC,
-            ShapeKind.VERTEX,
-        ]
-        found = gaps_of([piece], [at], [0] * 6, range(1, 7), kind, world)
-        line = gap_of_cores(corners, np.array([low, high])) - r
-        point = gap_of_cores(corners, low[None]) - r
-        true = [((corners + 0.6 * n) @ n).min() - r,
-                1.9 - np.hypot(*(corners - [0.1, 0.2]).T).max() - r, line, line, (point - 0.8) / 0.8, point]  # fmt: skip
-        for k, (one, other) in enumerate(zip(found, true, strict=True)):
-            if other > 0 and k > 1:
-                assert -1e-12 <= one <= other + 1e-12
-            else:
-                assert one == pytest.approx(other, abs=1e-8)
-
-
-def test_the_nearest_image_counts():
-    box = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    grains, shift = [(box, 0.0)] * 2, -0.3
-    place = [[0.2, 0.2, 0.0], [9.3, 9.3, 0.0]]
-    assert gaps_of(grains, place, [0], [1], periods=(10.0, 0.0, 0.0))[0] > 7
-    found = gaps_of(grains, place, [0], [1], periods=(10.0, 10.0, shift))[0]
-    assert found == pytest.approx(max(-0.1, -1.1 + 0.9 + shift), abs=1e-14)
-    wall = [ShapeKind.SEGMENT], [[9.4, -1.0, 9.4, 1.0]]
-    assert gaps_of([(box, 0.0)], [[0.2, 0.2, 0.0]], [0], [1], *wall, (10.0, 0.0, 0.0))[0] > 0
-    assert gaps_of([(box, 0.0)], [[0.2, 0.2, 0.0]], [0], [1], [ShapeKind.DISC], [[9.8, 0.2, 0.1, 0]],
-                   (10.0, 0.0, 0.0))[0] == pytest.approx(-2.0)  # fmt: skip
 
 
 # ---- Random packings
@@ -472,3 +365,59 @@ def test_long_thin_grains_side_by_side_are_no_crowd(tmp_path):
     assert model.grain_count == 60
     rods[40] = (0.01 + 1e-4 * 40.2, 0.01, 2e-3, math.pi / 2)
     assert "grains 40 and 41" in refused(shape, **rows(tmp_path, *rods))
+
+
+WALLS = {
+    "segment": {"kind": "polyline", "points": [[0.012, 0.011], [0.018, 0.013]]},
+    "polygon": {"kind": "polygon", "grains": "outside", "points": [[0.012, 0.011], [0.018, 0.013], [0.016, 0.019]]},
+    "disc": {"kind": "disc", "center": [0.015, 0.014], "radius": 2e-3},
+    "circle": {"kind": "circle", "center": [0.015, 0.015], "radius": 6e-3},
+    "plane": {"kind": "plane", "point": [0.01, 0.01], "normal": [3.0, 4.0]},
+}  # fmt: skip
+
+
+def gap_to_wall(name, pieces):
+    """Signed distance of a clump to a wall [m], by all directions."""
+    cores = {
+        "segment": WALLS["segment"]["points"],
+        "polygon": WALLS["polygon"]["points"],
+        "disc": [[0.015, 0.014]],
+    }
+    if name in cores:
+        wide = 2e-3 if name == "disc" else 0.0
+        return min(gap_of_cores(c, np.array(cores[name])) - r for c, r in pieces) - wide
+    if name == "circle":
+        return min(6e-3 - np.hypot(*(c - 0.015).T).max() - r for c, r in pieces)
+    return min(((c - 0.01) @ [0.6, 0.8]).min() - r for c, r in pieces)
+
+
+@pytest.mark.parametrize("wall", WALLS)
+@pytest.mark.parametrize("name", ["pentagons", "rods", "triangles", "corners"])
+def test_walls_cut_grains_that_overlap_them_and_no_others(name, wall, tmp_path):
+    rng, seen = np.random.default_rng(5), []
+    while len(seen) < 12:
+        at = [*rng.uniform(0.01, 0.02, 2).tolist(), 1.5e-3, rng.uniform(0, 6)]
+        given = rows(tmp_path, tuple(at))
+        model, state = made(SHAPES[name], **given)
+        gap = gap_to_wall(wall, pieces_at(model, state, 0)) / 1.5e-3
+        if abs(gap) > 0.3 or abs(gap + 1e-3) < 1e-4:
+            continue  # nothing near, or just at the limit
+        seen.append(gap)
+        if gap > -1e-3:
+            made(SHAPES[name], walls={"wall": WALLS[wall]}, **given)
+        else:
+            assert "'wall'" in refused(SHAPES[name], walls={"wall": WALLS[wall]}, **given)
+    assert min(seen) < -1e-3 < max(seen)
+
+
+def test_images_overlap_across_the_sides_of_a_period_and_of_a_cell(tmp_path):
+    side = math.sqrt(2) * 1e-3
+    for domain, second in (
+        ({"periodic": True}, (0.03 - 0.495 * side, 0.01)),
+        ({"periodic": ["x", "y"], **NO_WEIGHT}, (0.03 - 0.495 * side, 0.03 - 0.1 * side)),
+    ):
+        pair = [(0.495 * side, 0.01 if domain["periodic"] is True else 0.3 * side, 1e-3, 0.0)]
+        grains = rows(tmp_path, *pair, (*second, 1e-3, 0.0))
+        assert "grains overlap at the start" in refused(SQUARE, domain=domain, **grains)
+        grains = rows(tmp_path, *pair, (second[0] - 0.011 * side, second[1], 1e-3, 0.0))
+        made(SQUARE, domain=domain, **grains)
