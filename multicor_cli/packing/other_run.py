@@ -180,6 +180,8 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     is_loaded &= impulse[:, NORMAL] > 0.0
     state.contact_i, state.contact_j = i[is_loaded], j[is_loaded]
     state.contact_impulse = impulse[is_loaded]
+    if model.outlines is not None:  # which points they are is found by where these are
+        state.contact_point = np.full(state.contact_i.size, -1, np.int32)
     if model.laws.rolling.size:
         couple = np.zeros(len(i)) if contacts.couple is None else contacts.couple
         state.contact_couple = np.array(couple, float)[is_loaded]
@@ -366,6 +368,8 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
+    if model.outlines is not None:
+        state.contact_point = old.contact_point[kept]
     _, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
     if model.laws.is_wet.any():
         i, j = old.bridge_i, old.bridge_j

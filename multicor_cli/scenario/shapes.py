@@ -194,8 +194,8 @@ class PolygonShape(GrainShape):
 
     def faults(self) -> Iterator[Refused]:
         yield from exactly_one(self, "sides", "vertices", "give one of them")
-        for key in ("elongation", "irregular"):
-            if self.vertices is not None and key in self.model_fields_set:
+        for key, none in (("elongation", 1.0), ("irregular", 0.0)):
+            if self.vertices is not None and getattr(self, key) != none:
                 yield Refused((key,), f"{key} is of regular polygons", "remove it, or give sides")
 
     @property

@@ -1,15 +1,18 @@
 """Grains that are no discs: packings without overlap, masses, angles, and what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from outline_brute import gap_of_cores, pieces_at, smallest_outline_gap
-from scenarios import plane, scenario
+from scenarios import plane, scenario, toml
 
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.measures import measure
 from multicor_cli.packing import build
-from multicor_cli.scenario import ScenarioError
+from multicor_cli.scenario import ScenarioError, parse_scenario
+from multicor_cli.store import RunDirectory, Snapshot
 
 PENTAGON = {"kind": "polygon", "sides": 5}
 SQUARE = {"kind": "polygon", "sides": 4}
@@ -421,3 +424,80 @@ def test_images_overlap_across_the_sides_of_a_period_and_of_a_cell(tmp_path):
         assert "grains overlap at the start" in refused(SQUARE, domain=domain, **grains)
         grains = rows(tmp_path, *pair, (second[0] - 0.011 * side, second[1], 1e-3, 0.0))
         made(SQUARE, domain=domain, **grains)
+
+
+# ---- Grains of other runs
+
+
+def group(name, shape, **keys):
+    return {
+        "name": name,
+        "shape": shape,
+        "sizes": SIZES,
+        "count": 8,
+        "packing": {"kind": "random"},
+    } | keys
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory):
+    """A run of two groups that has ended where it began, and its model and state."""
+    path = tmp_path_factory.mktemp("earlier") / "run"
+    given = scenario(
+        particles=[group("a", CORNER), group("b", "disc")], size=[0.03, 0.03], walls=[]
+    )
+    model, state = build(given)
+    resolved = given.resolved_toml()
+    with RunDirectory.create(path, resolved, resolved, {"seed": 1}, stages=("only",)) as directory:
+        writer = directory.writer(model)
+        contacts = replace(ContactTable.empty(), arm=np.zeros((0, 2)))
+        writer.frame(Snapshot(state, model, contacts))
+        writer.series_row(Snapshot(state, model))
+        directory.checkpoint(state, writer)
+        directory.finish("finished")
+    return path, model, state
+
+
+def same_grains(found, wanted):
+    for name, value in vars(wanted.grains).items():
+        assert np.array_equal(value, getattr(found.grains, name)) or name in (
+            "group",
+            "material",
+        ), name
+    for a, b in zip(found.outlines, wanted.outlines, strict=True):
+        assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("frame", [None, 0])
+def test_a_run_goes_on_with_the_same_grains_to_the_bit(earlier, frame):
+    path, model, state = earlier
+    start = {"run": str(path)} | ({} if frame is None else {"frame": frame})
+    tables = {"start": start, "particles": [], "size": [0.03, 0.03], "walls": []}
+    document = toml(**tables).replace("particles = []\n", "")
+    found, at = build(parse_scenario(document, "scene.toml"))
+    same_grains(found, model)
+    assert np.array_equal(at.position, state.position)
+
+
+def test_another_shape_than_that_of_the_run_is_refused(earlier):
+    path, _, _ = earlier
+    kept = {"packing": {"kind": "start"}, "sizes": SIZES}
+    for a, b, key, words in (
+        ("disc", "disc", "particles.0.shape", "are no discs, but the shape says discs"),
+        (CORNER, PENTAGON, "particles.1.shape", "are discs, but the shape says other outlines"),
+    ):
+        tables = [{"name": "a", "shape": a, **kept}, {"name": "b", "shape": b, **kept}]
+        with pytest.raises(ScenarioError) as caught:
+            build(scenario(particles=tables, start={"run": str(path)}, size=[0.03, 0.03], walls=[]))
+        (problem,) = caught.value.problems
+        assert problem.key == key
+        assert words in str(problem)
+
+
+def test_grains_of_a_frame_bring_their_outlines(earlier):
+    path, model, state = earlier
+    packing = {"kind": "run", "path": str(path)}
+    found, at = made(CORNER, packing, sizes=None)
+    same_grains(found, model)
+    assert np.array_equal(at.position, state.position)
+    assert "no discs" in refused("disc", packing, sizes=None)

@@ -1,0 +1,148 @@
+"""Shapes of grains and their orientation: what is right, and what is refused and how."""
+
+import pytest
+from scenario_problems import check_one
+from scenarios import toml
+
+from multicor_cli.scenario import parse_scenario
+
+FIVE = {"kind": "polygon", "sides": 5}
+
+
+def clump(*pieces):
+    return {"kind": "clump", "pieces": list(pieces)}
+
+
+def drawn(rows):
+    return {
+        "kind": "file",
+        **{
+            key: list(column)
+            for key, column in zip(("grain", "x", "y"), zip(*rows, strict=True), strict=True)
+        },
+    }
+
+
+BOX = [(1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (1.0, 2.0, 1.0), (1.0, 0.0, 1.0)]
+
+# shape, further keys of the group, key below the group, words that the message must have
+MISTAKES = {
+    "unknown shape": ({"kind": "hexagon"}, {}, "shape.kind", "'polygon'"),
+    "no word": ("disk", {}, "shape", "'disc', 'sphere'"),
+    "key of another shape": ({"kind": "rod", "aspect": 2.0, "sides": 3}, {}, "shape.sides", "unknown key", "'size'"),
+    "no sides": ({"kind": "polygon"}, {}, "shape", "neither sides nor vertices", "give one"),
+    "both": ({**FIVE, "vertices": [[0, 0], [1, 0], [0, 1]]}, {}, "shape", "both sides and vertices"),
+    "few sides": ({"kind": "polygon", "sides": 2}, {}, "shape.sides", "at least 3"),
+    "many sides": ({"kind": "polygon", "sides": 65}, {}, "shape.sides", "at most 64"),
+    "not convex": ({"kind": "polygon", "vertices": [[0, 0], [4, 0], [1, 1], [0, 4]]}, {}, "shape.vertices.2", "not convex at [1.0, 1.0]", '"clump"'),
+    "clockwise and not convex": ({"kind": "polygon", "vertices": [[0, 4], [1, 1], [4, 0], [0, 0]]}, {}, "shape.vertices.1", "not convex"),
+    "crossed": ({"kind": "polygon", "vertices": [[0, 0], [1, 1], [1, 0], [0, 1]]}, {}, "shape.vertices.0", "crosses"),
+    "on a line": ({"kind": "polygon", "vertices": [[0, 0], [1, 1], [3, 3]]}, {}, "shape.vertices.0", "back on itself"),
+    "corner twice": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 0]]}, {}, "shape.vertices.2", "given twice"),
+    "stretched corners": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [0, 1]], "elongation": 2.0}, {}, "shape.elongation", "regular polygons"),
+    "too round": ({**FIVE, "rounding": 1.0}, {}, "shape.rounding", "0.99"),
+    "short rod": ({"kind": "rod", "aspect": 0.5}, {}, "shape.aspect", "at least 1"),
+    "piece of nothing": (clump({"radius": 1.0}), {}, "shape.pieces.0", "neither center nor vertices"),
+    "piece without area": (clump({"center": [0, 0]}), {}, "shape.pieces.0", "no area", "radius"),
+    "line without area": (clump({"vertices": [[0, 0], [1, 0]]}), {}, "shape.pieces.0", "no area"),
+    "piece not convex": (clump({"vertices": [[0, 0], [4, 0], [1, 1], [0, 4]]}), {}, "shape.pieces.0.vertices.2", "not convex"),
+    "no pieces": (clump(), {}, "shape.pieces", "at least 1"),
+    "outline not convex": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0), (2.0, 1, 1), (2.0, 0, 4)]), {}, "shape.grain", "grain 2: the outline is not convex at [1.0, 1.0]"),
+    "outline with two corners": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0)]), {}, "shape.grain", "grain 2: there are less than three corners"),
+    "outline in two parts": (drawn([*BOX, (2.0, 0, 0), (1.0, 4, 0)]), {}, "shape.grain", "grain 1 follows 2"),
+    "no outline": ({"kind": "file"}, {}, "shape", "0 corners", "or file"),
+    "no thickness": (FIVE, {"thickness": None}, "", "no spheres need a thickness"),
+    "deposited": (FIVE, {"packing": {"kind": "deposited"}}, "packing", "cannot be deposited", '"random"'),
+    "tile of deposited": (FIVE, {"packing": {"kind": "tile", "source": {"kind": "deposited"}, "tile": [0.02, 0.02], "tile_fill": 0.2, "repeat": [2, 1]}, "count": None}, "packing", "cannot be deposited"),
+    "placed as not drawn": (FIVE, {"packing": {"kind": "outlines"}, "sizes": None, "count": None}, "shape", "no file of outlines"),
+    "turned discs": ("disc", {"orientation": {"kind": "uniform"}}, "orientation", "discs and spheres"),
+    "turned discs of another name": ({"kind": "rod", "aspect": 1.0}, {"orientation": {"kind": "uniform"}}, "orientation", "discs and spheres"),
+    "turned as drawn": (drawn(BOX), {"orientation": {"kind": "fixed", "angle": 1.0}, "packing": {"kind": "outlines"}, "sizes": None, "count": None}, "orientation", "no meaning", '"outlines"'),
+    "sizes as drawn": (drawn(BOX), {"packing": {"kind": "outlines"}, "count": None}, "sizes", "no meaning"),
+    "unknown orientation": (FIVE, {"orientation": {"kind": "random"}}, "orientation.kind", "'uniform'"),
+    "too many": (FIVE, {"count": 5000}, "count", "cover more than"),
+}  # fmt: skip
+
+
+def text_of(shape, keys=(), **said):
+    """A scenario of one group."""
+    group = {
+        "sizes": {"kind": "list", "radii": [1e-3]}, "count": 20, "packing": {"kind": "random"},
+        "thickness": 1e-3, "shape": shape, **dict(keys),
+    }  # fmt: skip
+    group = {key: value for key, value in group.items() if value is not None}
+    document = toml(particles=[group], **said)
+    return (
+        document.replace("thickness = 0.001\n", "")
+        if dict(keys).get("thickness", 1) is None
+        else document
+    )
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_each_mistake_is_told_once_at_its_key(name):
+    shape, keys, key, *words = MISTAKES[name]
+    path = "particles.0" + (f".{key}" if key else "")
+    check_one(text_of(shape, keys), path, None, *words)
+
+
+# tables beside the group, key, words
+NOT_YET = {
+    "rolling": ({"contacts": [{"friction": 0.4, "rolling_friction": 0.1}]}, "contacts.0.rolling_friction", "rolling resistance of 0.1"),
+    "adhesion": ({"contacts": [{"adhesion": 1e-5}]}, "contacts.0.adhesion", "adhesion of 1e-05 N"),
+    "heat": ({"heat": {}}, "heat", "heat"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NOT_YET)
+def test_what_is_not_known_of_other_shapes_is_refused(name):
+    said, key, *words = NOT_YET[name]
+    check_one(text_of(FIVE, **said), key, None, *words, "is not known of the grains of 'grains'")
+    parse_scenario(text_of("disc", **said), "shear.toml")
+    parse_scenario(text_of({"kind": "ellipse", "aspect": 1.0}, **said), "shear.toml")
+
+
+def test_spheres_and_outlines_do_not_mix():
+    first = {"name": "a", "shape": "sphere"}
+    text = toml(particles=[
+        {"sizes": {"kind": "list", "radii": [1e-3]}, "count": 2, "packing": {"kind": "random"}, **each}
+        for each in (first, {"name": "b", "shape": FIVE})
+    ])  # fmt: skip
+    check_one(text, "particles.1.shape", None, '"polygon"', '"sphere"', "thickness")
+
+
+RIGHT = {
+    "disc": ({"kind": "disc"}, 1.0),
+    "square": ({"kind": "polygon", "sides": 4}, 2 / 3.141592653589793),
+    "clockwise": ({"kind": "polygon", "vertices": [[-1, -1], [-1, 1], [1, 1], [1, -1]]}, 2 / 3.141592653589793),
+    "a corner on a side": ({"kind": "polygon", "vertices": [[-1, -1], [0, -1], [1, -1], [1, 1], [-1, 1]]}, 2 / 3.141592653589793),
+    "by area": ({"kind": "rod", "aspect": 8.0, "size": "area"}, 1.0),
+    "capsule": ({"kind": "rod", "aspect": 2.0}, (1 + 3.141592653589793 / 4) / 3.141592653589793),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_what_shapes_fill_of_the_circle_around_them(name):
+    shape, filled = RIGHT[name]
+    scenario = parse_scenario(text_of(shape), "shear.toml")
+    outline = scenario.particles[0].outline
+    assert (1.0 if outline is None else outline.filled) == pytest.approx(filled)
+    again = parse_scenario(scenario.resolved_toml(), "shear.toml")
+    assert again == scenario
+
+
+def test_a_file_is_read_once_and_kept(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "# units: pixels\ngrain,id,x,y\n" + "".join(f"{g:g},0,{x},{y}\n" for g, x, y in BOX)
+    )
+    text = text_of({"kind": "file", "file": "a.csv"})
+    scenario = parse_scenario(text, tmp_path / "shear.toml")
+    (tmp_path / "a.csv").unlink()
+    assert parse_scenario(scenario.resolved_toml(), "shear.toml") == scenario
+    assert scenario.particles[0].shape.x == (0.0, 2.0, 2.0, 0.0)
+    check_one(
+        text_of({"kind": "file", "file": "b.csv"}),
+        "particles.0.shape.file",
+        None,
+        "there is no file 'b.csv'",
+    )
