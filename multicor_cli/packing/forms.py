@@ -20,6 +20,9 @@ MakeForms = Callable[[int], Forms]
 """The forms of so many grains, of size 1: of the first ones, whatever their number."""
 
 
+_DEGREE = math.pi / 180.0
+
+
 def forms_of(shape: GrainShape | None, random: Callable[[Purpose], Stream]) -> MakeForms | None:
     """What makes the grains of a group; None if they are discs. ``random`` as in `make_group`."""
     if shape is None:
@@ -52,12 +55,12 @@ def angles_of(group: ParticleGroup, count: int, random: Callable[[Purpose], Stre
     """Angles of the grains at the start [rad], shape ``(n,)``; `Refused` if not one is for each."""
     table = group.orientation
     if isinstance(table, FixedOrientation):
-        return np.full(count, table.angle)
+        return np.full(count, table.angle * _DEGREE)
     if isinstance(table, ListOrientation):
         if len(table.angles) != count:
             what = f"{len(table.angles)} angles are given for {count} grains"
             raise Refused(("orientation", "angles"), what, "give one per grain of the group")
-        return np.array(table.angles)
+        return np.array(table.angles) * _DEGREE
     return 2.0 * math.pi * random(Purpose.ANGLES).random(count)
 
 

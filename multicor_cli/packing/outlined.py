@@ -55,9 +55,6 @@ _PATIENCE, _HOPE = 2_000, 0.9
 """The largest overlap has to fall to this share in so many steps: sharp corners rattle when jammed,
 so that forces do not vanish."""
 
-_USUAL_FRACTION = 0.70
-"""Area fraction that grains of most shapes reach."""
-
 _PLANE = int(ShapeKind.PLANE)
 
 
@@ -262,5 +259,5 @@ def pack_outlines(
         shrink *= _GROWTH
     if overlap > ACCEPTED_OVERLAP or not is_inside(position, region, solid).all():
         left = f"an overlap of {overlap:.1e} of the smaller reach is left after "
-        raise refusal(reach.size, fraction, f"{left}{steps} relaxation steps", _USUAL_FRACTION)
+        raise refusal(reach.size, fraction, f"{left}{steps} relaxation steps")
     return position

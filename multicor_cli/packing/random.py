@@ -307,14 +307,14 @@ def insert(
     return position, not blocked.any()
 
 
-def refusal(count: int, fraction: float, why: str, usual: float = _USUAL_FRACTION) -> Refused:
-    """That grains do not fit, and how many would; most reach the ``usual`` fraction."""
+def refusal(count: int, fraction: float, why: str) -> Refused:
+    """That grains do not fit, and how many would."""
     text = (
         f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the "
         f"region, {why}"
     )
-    if fraction > usual:
-        fits, share = int(count * usual / fraction), f"{usual:.2f}"
+    if fraction > _USUAL_FRACTION:
+        fits, share = int(count * _USUAL_FRACTION / fraction), f"{_USUAL_FRACTION:.2f}"
         larger = f"about {fits} would fit (fraction {share}): enlarge the region or ask for"
         return Refused((), text, f"{larger} fewer grains")
     # What usually fits does not where sides and corners are near

@@ -384,7 +384,7 @@ class FixedOrientation(Table):
     """All grains are turned alike."""
 
     kind: Literal["fixed"]
-    angle: Number = required("angle by which they are turned, counter-clockwise [rad]")
+    angle: Number = required("angle by which they are turned, counter-clockwise [degrees]")
 
 
 class ListOrientation(Table):
@@ -392,7 +392,9 @@ class ListOrientation(Table):
 
     kind: Literal["list"]
     angles: Array[Number] = required(
-        "angle of each grain of the group [rad], in their order", min_length=1, max_length=100_000
+        "angle of each grain of the group [degrees], in their order",
+        min_length=1,
+        max_length=100_000,
     )
 
 

@@ -116,12 +116,12 @@ def test_a_gap_is_kept():
 
 
 def test_angles_that_are_given_stay():
-    model, state = made(SQUARE, fill=0.6, orientation={"kind": "fixed", "angle": 0.4})
-    assert (state.position[:, 2] == 0.4).all()
+    model, state = made(SQUARE, fill=0.6, orientation={"kind": "fixed", "angle": 30.0})
+    assert state.position[:, 2] == pytest.approx(math.pi / 6)
     assert smallest_outline_gap(model, state) >= -1e-12
-    angles = [0.1 * k for k in range(20)]
+    angles = [5.0 * k for k in range(20)]
     _, state = made(SQUARE, count=20, orientation={"kind": "list", "angles": angles})
-    assert list(state.position[:, 2]) == angles
+    assert np.degrees(state.position[:, 2]) == pytest.approx(angles)
     text = refused(SQUARE, count=19, orientation={"kind": "list", "angles": angles})
     assert "particles.0.orientation.angles: 20 angles are given for 19 grains" in text
 
