@@ -368,9 +368,10 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
+    near, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
     if model.outlines is not None:
         state.contact_point = old.contact_point[kept]
-    _, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
+        state.near_points = old.near_points[near]
     if model.laws.is_wet.any():
         i, j = old.bridge_i, old.bridge_j
         _, state.bridge_i, state.bridge_j = _renumbered(source, model, i, j, same)

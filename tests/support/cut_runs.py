@@ -35,6 +35,33 @@ HOT = changed(WARM, ('name = "wait"', 'name = "wait"\n'), (
 ))  # fmt: skip
 """The warm scene: heat of all kinds, averages, a frozen stage; its third stage names all drives."""
 
+_CORNERS = """\
+[[particles]]
+name = "corners"
+material = "glass"
+thickness = 1e-3
+sizes = { kind = "list", radii = [0.5e-3] }
+count = 6
+region = { min = [0.0, 0.006], max = [0.02, 0.009] }
+packing = { kind = "random" }
+spin = 20.0
+[particles.shape]
+kind = "clump"
+pieces = [
+    { vertices = [[0, 0], [3, 0]], radius = 0.5 },
+    { vertices = [[0, 0], [1, 0], [1, 3], [0, 3]] },
+]
+[[walls]]"""
+
+SHAPED = changed(
+    NAMED,
+    ('shape = "disc"', 'shape = { kind = "polygon", sides = 5, rounding = 0.05 }'),
+    ("count = 60", "count = 30"),
+    ("max = [0.02, 0.009]", "max = [0.02, 0.006]"),
+    ("[[walls]]", _CORNERS),
+)
+"""The small scene with pentagons and clumps, which are concave."""
+
 BOX = """\
 [scenario]
 name = "box"

@@ -15,6 +15,7 @@ from cut_runs import (
     CELL,
     HOT,
     NAMED,
+    SHAPED,
     STICKY,
     WET,
     going_on,
@@ -36,7 +37,7 @@ from multicor_cli.store import open_run, run_info, verify
 CASES = {
     "box": (BOX, 1), "small": (NAMED, 1), "sticky": (STICKY, 1), "wet": (WET, 1),
     "before frozen": (HOT, 1), "after frozen": (HOT, 2), "body": (BODY, 1), "belt": (BELT, 1),
-    "cell": (CELL, 1),
+    "cell": (CELL, 1), "shapes": (SHAPED, 1),
 }  # fmt: skip
 """Scenarios, and after how many stages they are cut."""
 
