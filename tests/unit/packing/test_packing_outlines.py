@@ -287,6 +287,16 @@ def test_a_file_brings_places_sizes_and_angles(tmp_path):
     assert model.area == pytest.approx([2e-6, 8e-6])
 
 
+def test_compacted_grains_lie_on_each_other():
+    packing = {"kind": "compacted", "pressure": 50.0, "friction": 0.0}
+    model, state = made(PENTAGON, packing, fill=0.5, domain={"periodic": True}, size=0.02)
+    assert smallest_outline_gap(model, state) > -1e-3 * model.grains.radius.min()
+    top = max(
+        c[:, 1].max() for k in range(model.grain_count) for c, _ in pieces_at(model, state, k)
+    )
+    assert 0.75 < model.area.sum() / (0.02 * top) < 0.9
+
+
 DRAWN = """grain,x,y
 1,10,0
 1,14,0
