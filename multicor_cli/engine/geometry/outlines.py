@@ -373,6 +373,44 @@ def _is_outside(scene: Scene, shape: int, nx: float, ny: float) -> bool:
 
 
 @subroutine
+def _touch_corner(
+    pieces: Pieces, scene: Scene, a: int, shape: int, dx: float, dy: float, found: Point
+) -> Point:
+    """The point of a piece at a corner of a wall, which is −(dx, dy) from its center.
+
+    ``found`` is the one without regard to the sides that meet there. Where the corner is in the
+    piece, and the way out that is shortest leads along a side, the shortest is that away from one.
+    """
+    if _is_outside(scene, shape, found.nx, found.ny):
+        return found
+    if found.gap >= 0.0:
+        return NOWHERE
+    world, corner, best, nx, ny = scene.world, pieces.corner, -inf, 0.0, 1.0
+    for side in range(2):
+        line = int(world[shape, TAIL_X if side == 0 else TAIL_Y])
+        if line < 0:
+            continue
+        x, y = world[line, TAIL_X] - world[line, X], world[line, TAIL_Y] - world[line, Y]
+        length = sqrt(x * x + y * y)
+        for sign in (-1.0, 1.0):
+            away_x, away_y = -sign * y / length, sign * x / length
+            if not _is_outside(scene, shape, away_x, away_y):
+                continue
+            least = inf
+            for v in range(pieces.start[a], pieces.start[a + 1]):
+                height = away_x * (dx + corner[v, X]) + away_y * (dy + corner[v, Y])
+                least = min(least, height)
+            if least - pieces.rounding[a] > best:
+                best, nx, ny = least - pieces.rounding[a], away_x, away_y
+    if best >= 0.0:
+        return NOWHERE
+    return Point(
+        nx, ny, best, best * nx - dx, best * ny - dy, world[shape, X], world[shape, Y],
+        found.corner,
+    )  # fmt: skip
+
+
+@subroutine
 def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tuple[Point, Point]:
     """Points of a piece of a grain and a wall shape; levers of j lead from its reference point.
 
@@ -397,8 +435,8 @@ def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tupl
         if kind in (_SEGMENT, _SIDE):
             first = first if first.corner < pieces.start[b] else NOWHERE
             second = second if second.corner < pieces.start[b] else NOWHERE
-        elif kind == _VERTEX and not _is_outside(scene, shape, first.nx, first.ny):
-            first = NOWHERE
+        elif kind == _VERTEX:
+            first = _touch_corner(pieces, scene, a, shape, dx, dy, first)
     at_x -= scene.wall_position[wall, X]
     at_y -= scene.wall_position[wall, Y]
     return _moved(first, at_x, at_y), _moved(second, at_x, at_y)
