@@ -126,7 +126,9 @@ def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints,
 
 
 @subroutine
-def _key(pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, corner: np.int64) -> int:
+def point_key(
+    pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, corner: np.int64
+) -> int:
     """What tells a point from the others of its pair."""
     of_i = pieces.start[pieces.piece[i]]
     mine, met = pieces.piece[i + 1] - pieces.piece[i], 1
@@ -137,6 +139,27 @@ def _key(pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, corner: n
         return int(2 * ((corner - of_i) * met + theirs))
     local = corner - pieces.start[pieces.piece[j]]
     return int(2 * (local * mine + a - pieces.piece[i]) + 1)
+
+
+@subroutine
+def pieces_of_key(pieces: Pieces, scene: Scene, i: int, j: int, key: int) -> tuple[int, int, int]:
+    """The pieces of i and j that a point is of, and its corner: what `point_key` was made of."""
+    mine, is_wall = pieces.piece[i + 1] - pieces.piece[i], j >= scene.radius.size
+    met = 1 if is_wall else pieces.piece[j + 1] - pieces.piece[j]
+    if key % 2 == 0:
+        corner = pieces.start[pieces.piece[i]] + key // 2 // met
+        return _piece_with(pieces, i, corner), pieces.piece[j] + key // 2 % met, corner
+    corner = pieces.start[pieces.piece[j]] + key // 2 // mine
+    return pieces.piece[i] + key // 2 % mine, _piece_with(pieces, j, corner), corner
+
+
+@subroutine
+def _piece_with(pieces: Pieces, body: int, corner: int) -> int:
+    """The piece of a grain or wall shape that has this corner."""
+    p = pieces.piece[body]
+    while pieces.start[p + 1] <= corner:
+        p += 1
+    return int(p)
 
 
 # ---- The points of a step
@@ -199,7 +222,7 @@ def begin_faces(
                     if point.gap <= far and found == room:
                         has_room = False
                     elif point.gap <= far:
-                        key = _key(pieces, scene, i, a, j, b, point.corner)
+                        key = point_key(pieces, scene, i, a, j, b, point.corner)
                         _enter_point(
                             base + found, point, key, scene, pieces, laws, start, dt, contacts
                         )

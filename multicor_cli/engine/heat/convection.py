@@ -48,6 +48,9 @@ DENSE = 4.75
 class Ambient(Mechanism):
     """Convection to a fluid around the grains, at one temperature T_f [K].
 
+    Correlations are those of spheres; of other shapes the diameter is that of the disc of equal
+    area.
+
     Attributes:
         correlation: Formula of the Nusselt number, or a constant ``coefficient`` h [W/(m² K)].
         conductivity: λ_f of the fluid [W/(m K)].
@@ -81,7 +84,7 @@ class Ambient(Mechanism):
         slip = velocity - np.array(self.velocity)
         coefficient = np.empty(len(velocity))
         convection_coefficients(
-            _NUMBER[self.correlation], hypot(slip[:, X], slip[:, Y]), model.grains.radius,
+            _NUMBER[self.correlation], hypot(slip[:, X], slip[:, Y]), model.disc_radius,
             self.conductivity, self.viscosity,
             self.prandtl, self.porosity, coefficient,
         )  # fmt: skip

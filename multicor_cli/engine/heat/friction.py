@@ -293,14 +293,19 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
     return mu * abs(slip_speed) * normal_force
 
 
+NO_LANE = 1 << 31
+"""Lanes of contacts that have none, in which they are negative, as unsigned numbers: from here."""
+
+
 class Solved(NamedTuple):
     """The contacts of a step that has been taken; ``c`` of them.
 
     Attributes:
         i: Grains, shape ``(c,)``.
         j: Grains or wall shapes, shape ``(c,)``.
-        contacts: Their table, in which those of two grains are missing if ``is_plain``.
+        contacts: Their table, in which those of two discs are missing if ``is_plain``.
         lane: Lane of each, shape ``(c,)``; this and the next three are those of the `Schedule`.
+            Contacts of two discs have one below `NO_LANE`.
         after: Velocities v⁺, shape ``(bodies, 4)``.
         is_plain: Whether none adheres or resists rolling.
     """
@@ -322,7 +327,7 @@ def loaded_rows(grains: int, solved: Solved, normal: Floats) -> Ints:
     rows, found = np.empty(normal.size, np.int32), 0
     for c in range(normal.size):
         lane = solved.lane[c]
-        if solved.j[c] < grains:
+        if solved.j[c] < grains and lane < NO_LANE:
             normal[c] = solved.impulse[lane // LANES, NORMAL, lane % LANES]
         else:
             normal[c] = solved.contacts[c].p_n
@@ -352,7 +357,7 @@ def generated_heat(
     for chunk in prange((rows.size + CHUNK - 1) // CHUNK):
         for r in range(chunk * CHUNK, min(rows.size, (chunk + 1) * CHUNK)):
             c = rows[r]
-            if j[c] < grains:
+            if j[c] < grains and lane[c] < NO_LANE:
                 q, k = lane[c] // LANES, lane[c] % LANES
                 nx, ny, mu = frame[q, NX, k], frame[q, NY, k], frame[q, MU, k]
                 q_n, p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.geometry.places import find_places, largest_of_places, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.heat.faces import FacePoints
 from multicor_cli.engine.heat.hertz import biot_number
 from multicor_cli.engine.heat.mechanism import Indices, NearPairs
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
@@ -39,7 +40,8 @@ class Shapes(NamedTuple):
     Attributes:
         kind: Their kinds, shape ``(n + m,)``.
         number: Nodes of grains and bodies, walls of all other shapes, likewise.
-        inner: λ a of grains [W/K], infinite where there is none and of wall shapes, likewise.
+        inner: λ a of grains [W/K], infinite where there is none and of wall shapes, likewise; of
+            one that is no disc a is the radius of a disc of its area.
     """
 
     kind: Ints
@@ -51,7 +53,8 @@ def shapes_of(conditions: Sequence[WallHeat], model: Model, settings: HeatSettin
     """The shapes under these conditions of the walls."""
     n, grains, wall = model.grain_count, model.grains, model.shapes.wall
     kind = np.array([_KINDS[condition.kind] for condition in conditions], np.int32)
-    is_body, inner = kind == BODY, settings.laws.conductivity[grains.material] * grains.radius
+    is_body = kind == BODY
+    inner = settings.laws.conductivity[grains.material] * model.disc_radius
     inner[inner == 0.0] = np.inf
     number = np.where(is_body, n - 1 + np.cumsum(is_body), np.arange(kind.size))
     return Shapes(
@@ -131,6 +134,7 @@ class Links:
         area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
         biot: Largest Biot number H/(λ a), contact and gas together.
         gas_ratio: Smallest and largest λ_s s/(λ_f a) of a contact in a gas; 0 without.
+        points: Where the links touch, if some of the grains are no discs.
     """
 
     i: Ints
@@ -141,6 +145,7 @@ class Links:
     area: Floats
     biot: float
     gas_ratio: tuple[float, float]
+    points: FacePoints | None = None
 
 
 @kernel
@@ -159,8 +164,11 @@ def largest_biot(conductance: Floats, weakest: Floats) -> float:
 def contact_links(spots: Spots, ends: Ends) -> Links:
     """The contacts, with their ``ends``."""
     biot = largest_biot(spots.places.totals(spots.conductance), ends.weakest)
-    i, j, conductance = spots.touching.i, spots.touching.j, spots.conductance
-    return Links(i, j, ends, conductance, conductance, np.empty(0), biot, (0.0, 0.0))
+    touching, conductance = spots.touching, spots.conductance
+    return Links(
+        touching.i, touching.j, ends, conductance, conductance, np.empty(0), biot, (0.0, 0.0),
+        touching.points,
+    )  # fmt: skip
 
 
 def near_links(

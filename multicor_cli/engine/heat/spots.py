@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import expm1
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
+from multicor_cli.engine.geometry.outlines import Pieces
 from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_place
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
+from multicor_cli.engine.heat.faces import FacePoints, corners_of_discs
 from multicor_cli.engine.heat.hertz import (
     contact_radius,
     contact_volume,
@@ -114,7 +116,8 @@ class Touching:
         harmonic: λ_h [W/(m K)], likewise.
         share: Share of the first body in the heat of friction, likewise.
         rough: Roughness [m], slope and microhardness [Pa] as in `HeatLaws`, likewise; or none.
-        in_corners: Those that may share a place, see `rows_in_corners`.
+        in_corners: Those of discs that may share a place, see `rows_in_corners`.
+        points: Of this moment, where grains are no discs; None if all are discs.
     """
 
     i: Ints
@@ -125,16 +128,33 @@ class Touching:
     share: Floats
     rough: tuple[()] | tuple[Floats, Floats, Floats]
     in_corners: NDArray[np.int64]
+    points: FacePoints | None = None
 
     @classmethod
-    def of(cls, scene: Scene, i: Ints, j: Ints, settings: HeatSettings) -> Touching:
+    def of(
+        cls, scene: Scene, i: Ints, j: Ints, settings: HeatSettings, pieces: Pieces | None = None
+    ) -> Touching:
+        """Contacts of discs, or with ``pieces`` of some that are none, without their points."""
         laws = settings.laws
         rough: tuple[()] | tuple[Floats, Floats, Floats] = ()
         if settings.conduction == "rough":
             pair = scene.material[i], scene.material[j]
             rough = laws.roughness[pair], laws.slope[pair], laws.microhardness[pair]
-        corners = rows_in_corners(scene, i, j)
+        corners = (
+            rows_in_corners(scene, i, j)
+            if pieces is None
+            else corners_of_discs(scene, pieces, i, j)
+        )
         return cls(i, j, *laws_of_pairs(scene, i, j, laws), rough, corners)
+
+    def at(self, points: FacePoints) -> Touching:
+        """The same with the points of a moment."""
+        return replace(self, points=points)
+
+    def places(self, scene: Scene) -> Places:
+        """Places of the contacts at a moment."""
+        found = Places.of(scene, self.i, self.j, self.in_corners)
+        return found if self.points is None else self.points.join(found)
 
 
 @kernel
@@ -179,32 +199,39 @@ def forces_of_step(
     its average; where another piece of its place is touched, that has it. ``carried`` are the
     normal impulses of the contacts [N s].
     """
-    i, j = touching.i, touching.j
+    i, j, points = touching.i, touching.j, touching.points
     if settings.force.kind == "prescribed":
-        return settings.force.value * _shares(scene, i, j, carried)
+        return settings.force.value * _shares(scene, touching, carried)
     if settings.force.kind == "step":
         return carried / dt
+    of_pairs, touches = carried, (carried > 0.0) | (contacts["gap"] <= 0.0)
+    if points is not None:  # averages are those of pairs, whichever points bear
+        of_pairs = points.per_pair(carried)
+        touches = points.per_pair(touches.astype(float)) > 0.0
     before = _averages(state, scene, i, j)
-    mean: Floats = before + (carried / dt - before) * -expm1(-dt / settings.force.value)
+    mean: Floats = before + (of_pairs / dt - before) * -expm1(-dt / settings.force.value)
     kept = mean != 0.0  # nan stays, to be noticed
     state.mean_i, state.mean_j, state.mean_force = i[kept], j[kept], mean[kept]
     state.mean_age += dt
     places = Places.of(scene, i, j, touching.in_corners)
-    touches = (carried > 0.0) | (contacts["gap"] <= 0.0)
     apart = places.totals(np.where(touches, 0.0, mean)) / np.maximum(
         places.totals(touches.astype(float)), 1.0
     )
-    return np.where(touches, (mean + apart) / _known_weight(state, settings), 0.0)
+    force = np.where(touches, (mean + apart) / _known_weight(state, settings), 0.0)
+    return force if points is None else points.shared(force, carried)
 
 
-def _shares(scene: Scene, i: Ints, j: Ints, carried: Floats) -> Floats:
+def _shares(scene: Scene, touching: Touching, carried: Floats) -> Floats:
     """Share of each contact in what its place carries, shape ``(c,)``; 0 where that is nothing."""
-    total = Places.of(scene, i, j, rows_in_corners(scene, i, j)).totals(carried)
+    total = touching.places(scene).totals(carried)
     return np.where(total > 0.0, carried / np.where(total > 0.0, total, 1.0), 0.0)
 
 
 def _averages(state: State, scene: Scene, i: Ints, j: Ints) -> Floats:
-    """Running averages of the forces of some pairs [N]; 0 for pairs without."""
+    """Running averages of the forces of some pairs [N]; 0 for pairs without.
+
+    Of pairs with several points the first has it.
+    """
     return hand_on(
         scene, warm_rows(len(state.position), i), j, state.mean_i, state.mean_j, state.mean_force
     )
@@ -215,28 +242,23 @@ def _known_weight(state: State, settings: HeatSettings) -> float:
     return -expm1(-state.mean_age / settings.force.value)
 
 
-def loaded_pairs(state: State, scene: Scene, settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
-    """Contacts that carried a force in the last step: i, j and (where kept, averaged) force [N]."""
-    force, i, j = settings.force, state.contact_i, state.contact_j
+def forces_at_rest(
+    state: State, scene: Scene, touching: Touching, settings: HeatSettings
+) -> Floats:
+    """Forces (where kept, averaged) of the contacts that carried one in the last step [N].
+
+    Where no step has been taken, the prescribed one of all that touch; without one, 0.
+    """
+    force, carried = settings.force, state.contact_impulse[:, NORMAL]
+    if state.last_dt <= 0.0:
+        value = force.value if force.kind == "prescribed" else 0.0
+        return value * _shares(scene, touching, np.ones(touching.i.size))
     if force.kind == "average" and state.mean_age > 0.0:
-        return i, j, _averages(state, scene, i, j) / _known_weight(state, settings)
-    carried = state.contact_impulse[:, NORMAL]
-    return (
-        i,
-        j,
-        force.value * _shares(scene, i, j, carried)
-        if force.kind == "prescribed"
-        else carried / state.last_dt,
-    )
-
-
-def pairs_at_rest(
-    scene: Scene, near: tuple[Ints, Ints, Floats], settings: HeatSettings
-) -> tuple[Ints, Ints, Floats]:
-    """Pairs that touch where no step has been taken, under the prescribed force; without one, 0."""
-    i, j, _ = near
-    force = settings.force.value if settings.force.kind == "prescribed" else 0.0
-    return i, j, force * _shares(scene, i, j, np.ones(i.size))
+        mean = _averages(state, scene, touching.i, touching.j) / _known_weight(state, settings)
+        return mean if touching.points is None else touching.points.shared(mean, carried)
+    if force.kind == "prescribed":
+        return force.value * _shares(scene, touching, carried)
+    return carried / state.last_dt
 
 
 _SURELY = 1.0 - 1e-12
@@ -320,11 +342,16 @@ def conducting_spots(
 ) -> Spots:
     """Spots of contacts under given normal forces [N]; the contacts of a place have one spot."""
     radius, conductance = np.empty(force.size), np.empty(force.size)
-    places = Places.of(scene, touching.i, touching.j, touching.in_corners)
-    total, law = places.totals(force), (touching.radius, touching.modulus, touching.harmonic)
+    places, points = touching.places(scene), touching.points
+    total, effective = places.totals(force), touching.radius
+    if points is not None:
+        effective = points.spot_radii(force, total)
+    law = effective, touching.modulus, touching.harmonic
     hertz_spots(total, *law, radius, conductance)
     if touching.rough:
         roughen(total, *law, *touching.rough, radius, conductance)
+    if points is not None and settings.conduction != "none":
+        points.conduct_sides(force, total, touching.harmonic, touching.rough, radius, conductance)
     if settings.conduction == "none":
         conductance[:] = 0.0
     one = places.rows

@@ -14,6 +14,7 @@ from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.outlines import pieces_of, turned
 from multicor_cli.engine.geometry.places import met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import (
@@ -28,6 +29,7 @@ from multicor_cli.engine.heat.books import (
     strike_balance,
     warm,
 )
+from multicor_cli.engine.heat.faces import FacePoints, corners_of, points_at_rest
 from multicor_cli.engine.heat.flux import branches, look_ahead, passed, take_along
 from multicor_cli.engine.heat.friction import (
     ENERGY,
@@ -53,11 +55,10 @@ from multicor_cli.engine.heat.spots import (
     Spots,
     Touching,
     conducting_spots,
+    forces_at_rest,
     forces_of_step,
     hottest_spot,
-    loaded_pairs,
     near_pairs,
-    pairs_at_rest,
     resting_contacts,
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
@@ -97,14 +98,27 @@ class HeatStep:
     """
 
     def __init__(self, model: Model, state: State, settings: HeatSettings) -> None:
-        """Set up with insulated walls; a `ValueError` if the model has no heat capacities."""
+        """Set up with insulated walls.
+
+        Raises:
+            ValueError: If the model has no heat capacities, or grains that are no discs and
+                mechanisms that are those of spheres.
+        """
         if model.thermal is None:
             message = "the model has no heat capacities"
+            raise ValueError(message)
+        if model.outlines is not None and (settings.collisional or settings.reach > 0.0):
+            message = (
+                "conduction in impacts, gas in gaps and radiation between neighbors are those of "
+                "spheres: the model has grains that are no discs"
+            )
             raise ValueError(message)
         self._model, self._state, self._settings = model, state, settings
         self._thermal = model.thermal
         self._gradient = np.array(model.heat_gradient)
         self._knows_flash = knows_flash(settings.laws)
+        self._pieces = pieces_of(model)
+        self._corners = None if self._pieces is None else corners_of(model, self._pieces)
         self.begin([WallHeat()] * model.wall_count)
 
     @cached_property
@@ -150,6 +164,8 @@ class HeatStep:
         """
         self._resting = None
         touching, ends = self._lasting_of(moved.scene, moved.i, moved.j)
+        if self._pieces is not None:
+            touching = self._at(touching, moved.scene, moved.contacts["key"].copy())
         solved = Solved(
             moved.i.view(np.uint32), moved.j.view(np.uint32), moved.contacts,
             lanes.lane.view(np.uint32), lanes.frame, lanes.impulse, lanes.before,
@@ -160,6 +176,9 @@ class HeatStep:
         self._note_hottest(moved.scene, spots, rubbed, dt, t)
         links = self._links(moved.scene, spots, ends)
         self.of_contacts = rubbed.generated, spots.conductance
+        if self._pieces is not None:  # there is room for more
+            is_there = moved.contacts["gap"] < np.inf
+            self.of_contacts = rubbed.generated[is_there], spots.conductance[is_there]
         self._integrate(links, rubbed.received, moved.scene, moved.strayed, dt, t, is_frozen=False)
 
     def flow_at_rest(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> None:
@@ -208,6 +227,9 @@ class HeatStep:
         i, j = touching.i, touching.j
         gap, normal = np.empty(i.size), np.empty((i.size, 2))
         resting_contacts(scene, i, j, gap, normal)
+        arm = None
+        if touching.points is not None:
+            gap, normal, arm = touching.points.or_of_discs(scene, i, gap, normal)
         none = np.zeros(i.size)
         impulse, couple = np.zeros((i.size, 2)), none
         if state.last_dt > 0.0:
@@ -217,17 +239,23 @@ class HeatStep:
             couple = state.contact_couple
         sticking = np.zeros(i.size, np.bool_)
         return ContactTable(
-            i, j, normal, gap, impulse, none, sticking, couple=couple if laws.rolling.size else None
-        )
+            i, j, normal, gap, impulse, none, sticking, arm=arm,
+            couple=couple if laws.rolling.size else None,
+        )  # fmt: skip
 
     def _rest(self, scene: Scene) -> tuple[Links, Spots]:
         """Links and contacts of a frozen stage, found once."""
         if self._resting is None:
-            if self._state.last_dt > 0.0:
-                i, j, force = loaded_pairs(self._state, scene, self._settings)
-            else:  # no step has said which contacts carry a force
-                i, j, force = pairs_at_rest(scene, self._pairs(scene, TOUCHING), self._settings)
+            state, pieces = self._state, self._pieces
+            i, j, key = state.contact_i, state.contact_j, state.contact_point
+            if state.last_dt <= 0.0:  # no step has said which contacts carry a force
+                i, j, _ = self._pairs(scene, TOUCHING)
+                if pieces is not None:
+                    i, j, key = points_at_rest(scene, turned(pieces, scene), i, j, TOUCHING)
             touching, ends = self._lasting_of(scene, i, j)
+            if pieces is not None:
+                touching = self._at(touching, scene, key)
+            force = forces_at_rest(state, scene, touching, self._settings)
             spots = conducting_spots(scene, touching, force, self._settings)
             self._resting = self._links(scene, spots, ends), spots
         return self._resting
@@ -241,8 +269,22 @@ class HeatStep:
             self._lasting = None
             self._shapes = shapes_of(self._conditions, self._model, self._settings)
         if self._lasting is None or self._lasting[0].i is not i:
-            self._lasting = Touching.of(scene, i, j, self._settings), ends_of(self._shapes, i, j)
+            self._lasting = (
+                Touching.of(scene, i, j, self._settings, self._pieces),
+                ends_of(self._shapes, i, j),
+            )
         return self._lasting
+
+    def _at(self, touching: Touching, scene: Scene, key: Ints) -> Touching:
+        """Contacts with their points in a scene, of grains that are no discs."""
+        assert self._pieces is not None
+        assert self._corners is not None
+        return touching.at(
+            FacePoints.of(
+                scene, turned(self._pieces, scene), self._corners, self._settings.laws.conductivity,
+                touching.i, touching.j, key, touching.radius,
+            )
+        )  # fmt: skip
 
     def _generate(self, scene: Scene, solved: Solved, share: Floats) -> _Rubbed:
         """Heat that contacts generate; enters the books, and wears."""
@@ -266,10 +308,12 @@ class HeatStep:
         state, touching = self._state, spots.touching
         hottest = hottest_so_far(state)
         if self._knows_flash:
-            force = spots.places.totals(rubbed.normal) / dt
+            force, radius = spots.places.totals(rubbed.normal) / dt, touching.radius
+            if touching.points is not None:
+                radius = touching.points.flash_radii(rubbed.normal / dt, force, touching.modulus)
             power = spots.places.totals(np.maximum(rubbed.friction, 0.0)) / dt
             hottest = hottest_spot(
-                scene, touching.i, touching.j, touching.radius, touching.modulus, force, power,
+                scene, touching.i, touching.j, radius, touching.modulus, force, power,
                 rubbed.rubbing, rubbed.normal, self.shape_temperatures(t), self._settings.laws,
                 hottest,
             )  # fmt: skip
@@ -318,6 +362,8 @@ class HeatStep:
         ahead, branch = np.empty(0), np.empty((0, 2))
         if state.flux_books.size:
             branch = branches(scene, links.i, links.j)
+            if links.points is not None:
+                links.points.lead_to_walls(links.j >= n, branch)
         if self._gradient.any():
             branch, ahead = look_ahead(scene, links.ends.i, links.ends.j, self._gradient)
             gained = take_along(self._capacity, strayed, self._gradient)

@@ -1,0 +1,467 @@
+"""Contacts of grains that are no discs, as heat sees them: spots at their points, and sides.
+
+A point conducts as the contact of two spheres, as that of discs does (`engine/heat/hertz.py`), with
+the radii of curvature there: a corner has that of its rounding, a side none (1/R = 0), and what is
+sharp counts as rounded by `SHARP` times the radius of the grain. Corners that turn by less than
+δ₀ = 17.3°, the angle below which the corners of walls are round, too (`engine/geometry/places.py`),
+are those of a curve cut into pieces: there R = r + ½ (ℓ + ℓ′)/(2 sin ½δ) with the two sides ℓ, ℓ′,
+which for a regular polygon is the radius of the circle around it, and a side between two such
+corners is no side but a part of the curve. (Derived.)
+
+Two points of the same two pieces whose edges lie on each other are one place: the whole force makes
+its spot, with the mean of both radii by force. Between sides it conducts as the spot does, or as
+the sides (`side_conductance`), whichever conducts more: sides are pressed on a part of what they
+share that goes to 0 with one of the two forces, so that H is continuous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.faces import pieces_of_key, point_key
+from multicor_cli.engine.geometry.outlines import (
+    NORMAL_X,
+    NORMAL_Y,
+    Pieces,
+    Point,
+    are_faces,
+    pieces_met,
+    touch_pieces,
+)
+from multicor_cli.engine.geometry.places import RISE, Places, rows_in_corners
+from multicor_cli.engine.geometry.radii import cup_radius, effective_radius, smaller_radius
+from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
+from multicor_cli.engine.heat.hertz import pressed_length, side_conductance
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import RADIUS, X, Y
+from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.shapes import ShapeKind
+
+_PLANE, _CIRCLE = int(ShapeKind.PLANE), int(ShapeKind.CIRCLE)
+
+SHARP = 0.01
+"""Least radius of curvature of a corner over the radius of its grain, or of the one on a wall."""
+
+# ---- What lasts with the grains
+
+
+class Corners(NamedTuple):
+    """Corners of `Pieces`, ``v`` of them, and ``n`` grains as heat sees them.
+
+    Attributes:
+        radius: Radius of curvature of each corner R [m], shape ``(v,)``; of walls not yet `SHARP`.
+        is_side: Whether the edge that begins there is flat, no part of a curve, shape ``(v,)``.
+        thickness: Of the grains [m], shape ``(n,)``.
+        least: Least way from the center of a grain to a side [m], half its area over its perimeter:
+            the center of a clump may lie on a side, or beyond; shape ``(n,)``.
+    """
+
+    radius: Floats
+    is_side: NDArray[np.bool_]
+    thickness: Floats
+    least: Floats
+
+
+def corners_of(model: Model, pieces: Pieces) -> Corners:
+    """Corners of a model with outlines and heat; ``pieces`` are at angle 0."""
+    outlines, thermal = model.outlines, model.thermal
+    assert outlines is not None
+    assert thermal is not None
+    counts = np.diff(pieces.start)
+    of_piece = np.repeat(np.arange(counts.size), counts)
+    before = np.arange(of_piece.size) - 1
+    before[pieces.start[:-1]] = pieces.start[1:] - 1
+    after = np.empty_like(before)
+    after[before] = np.arange(before.size)
+    edge, normal = pieces.corner[after, :2] - pieces.corner[:, :2], pieces.corner[:, NORMAL_X:]
+    length, turn = np.sqrt((edge * edge).sum(axis=1)), normal - normal[before]
+    square = (turn * turn).sum(axis=1)  # of 2 sin ½δ
+    bends = (counts[of_piece] > 2) & (square > 0.0) & (square < 2.0 * RISE)
+    radius = pieces.rounding[of_piece].copy()
+    radius[bends] += (0.5 * (length + length[before]))[bends] / np.sqrt(square[bends])
+    grains = np.repeat(np.arange(model.grain_count), np.diff(outlines.start[outlines.piece]))
+    radius[: grains.size] = np.maximum(radius[: grains.size], SHARP * model.grains.radius[grains])
+    return Corners(
+        radius, ~(bends & bends[after]), thermal.surface / model.perimeter,
+        0.5 * model.area / model.perimeter,
+    )  # fmt: skip
+
+
+def rows_of_faces(pieces: Pieces, i: Ints, j: Ints) -> NDArray[np.bool_]:
+    """Which pairs have a grain that is no disc, shape ``(c,)``."""
+    is_grain = j < pieces.is_face.size
+    return np.asarray(pieces.is_face[i] | (is_grain & pieces.is_face[np.where(is_grain, j, 0)]))
+
+
+def corners_of_discs(scene: Scene, pieces: Pieces, i: Ints, j: Ints) -> NDArray[np.int64]:
+    """As `rows_in_corners`, without the pairs of grains that are no discs."""
+    rows = np.flatnonzero(~rows_of_faces(pieces, i, j))
+    return rows[rows_in_corners(scene, i[rows], j[rows])]
+
+
+# ---- The points of a moment
+
+
+class _Table(NamedTuple):
+    """`FacePoints` for kernels, which fill it."""
+
+    head: Ints
+    mate: Ints
+    radius: Floats
+    length: Floats
+    breadth: Floats
+    way: Floats
+    normal: Floats
+    gap: Floats
+    arm: Floats
+
+
+@formula
+def _blunted(scene: Scene, i: int, radius: float) -> float:
+    """A radius of curvature [m] of grain i or of what it touches, at least that of a sharp one."""
+    return float(max(radius, SHARP * scene.radius[i]))
+
+
+@kernel
+def _facing(pieces: Pieces, p: int, x: float, y: float) -> int:
+    """The edge of a piece whose normal is nearest to (x, y)."""
+    best, most = pieces.start[p], -inf
+    for v in range(pieces.start[p], pieces.start[p + 1]):
+        along = x * pieces.corner[v, NORMAL_X] + y * pieces.corner[v, NORMAL_Y]
+        if along > most:
+            best, most = v, along
+    return int(best)
+
+
+@kernel
+def _edge_radius(pieces: Pieces, corners: Corners, p: int, edge: int) -> float:
+    """Radius of curvature of an edge of a piece [m]; infinite of a side."""
+    if corners.is_side[edge]:
+        return inf
+    after = edge + 1 if edge + 1 < pieces.start[p + 1] else pieces.start[p]
+    return float(0.5 * (corners.radius[edge] + corners.radius[after]))
+
+
+_ALONG = 1.0 - 1e-6
+"""Least cosine of two directions that count as one: 1.4 mrad apart."""
+
+
+@kernel
+def _radius_towards(pieces: Pieces, corners: Corners, p: int, x: float, y: float) -> float:
+    """Radius of curvature of a piece where its outward normal is (x, y) [m]; infinite on sides."""
+    first, last, corner = pieces.start[p], pieces.start[p + 1], pieces.corner
+    if last - first == 1:
+        return float(corners.radius[first])
+    edge = _facing(pieces, p, x, y)
+    if x * corner[edge, NORMAL_X] + y * corner[edge, NORMAL_Y] >= _ALONG:
+        return _edge_radius(pieces, corners, p, edge)
+    far = first
+    for v in range(first, last):
+        if x * corner[v, X] + y * corner[v, Y] > x * corner[far, X] + y * corner[far, Y]:
+            far = v
+    return float(corners.radius[far])
+
+
+@formula
+def _joined(radius: float, other: float) -> float:
+    """a* of two radii of curvature [m], of which the second may be infinite; not both."""
+    return radius if other == inf else effective_radius(radius, other)
+
+
+@kernel
+def _wall_kind(scene: Scene, j: int) -> int:
+    """Kind of a wall shape; −1 of a grain."""
+    return int(scene.kind[j - scene.radius.size]) if j >= scene.radius.size else -1
+
+
+@kernel
+def _enter_point(
+    c: int, point: Point, scene: Scene, pieces: Pieces, corners: Corners, i: int, j: int, key: int,
+    table: _Table,
+) -> None:  # fmt: skip
+    """Put a point into a row; one that is no more lies where the bounding circle would touch."""
+    a, b, corner = pieces_of_key(pieces, scene, i, j, key)
+    kind = _wall_kind(scene, j)
+    own = _blunted(scene, i, corners.radius[corner])
+    if point.gap < inf:
+        nx, ny = point.nx, point.ny
+        table.gap[c], table.arm[c, X], table.arm[c, Y] = point.gap, point.i_x, point.i_y
+    else:
+        table.gap[c], nx, ny = known_geometry(scene, i, j)
+        table.arm[c, X], table.arm[c, Y] = -scene.radius[i] * nx, -scene.radius[i] * ny
+    table.normal[c, X], table.normal[c, Y] = nx, ny
+    if kind == _CIRCLE:
+        table.radius[c] = cup_radius(own, scene.world[j - scene.radius.size, RADIUS])
+    elif kind == _PLANE:
+        table.radius[c] = own
+    else:
+        other = (
+            _radius_towards(pieces, corners, b, nx, ny) if key % 2 == 0
+            else _radius_towards(pieces, corners, a, -nx, -ny)
+        )  # fmt: skip
+        table.radius[c] = _joined(own, _blunted(scene, i, other))
+
+
+@kernel
+def _join(
+    c: int, k: int, points: tuple[Point, Point], scene: Scene, pieces: Pieces, corners: Corners,
+    conductivity: Floats, i: int, j: int, key: int, table: _Table,
+) -> None:  # fmt: skip
+    """Make two points of the same two pieces one place, if their edges lie on each other."""
+    a, b, _ = pieces_of_key(pieces, scene, i, j, key)
+    first, second = points
+    nx, ny = first.nx + second.nx, first.ny + second.ny
+    size, kind = sqrt(nx * nx + ny * ny), _wall_kind(scene, j)
+    if size == 0.0:
+        return
+    nx, ny = nx / size, ny / size
+    mine = _edge_radius(pieces, corners, a, _facing(pieces, a, -nx, -ny))
+    other = inf
+    if kind not in (_PLANE, _CIRCLE):
+        other = _edge_radius(pieces, corners, b, _facing(pieces, b, nx, ny))
+    if mine == inf and kind == _CIRCLE:  # the corners of a side, apart in a circle
+        return
+    table.head[k], table.mate[c], table.mate[k] = c, k, c
+    if mine < inf or other < inf:  # curves
+        radius = _joined(min(mine, other), max(mine, other))
+        if kind == _CIRCLE:
+            radius = cup_radius(mine, scene.world[j - scene.radius.size, RADIUS])
+        table.radius[c], table.radius[k] = radius, radius
+        return
+    x, y = second.i_x - first.i_x, second.i_y - first.i_y
+    length, breadth = abs(y * nx - x * ny), corners.thickness[i]
+    way = max(abs(first.i_x * nx + first.i_y * ny), corners.least[i])
+    resistance = way / conductivity[scene.material[i]]
+    if kind < 0:
+        breadth = min(breadth, corners.thickness[j])
+        way = max(abs(first.j_x * nx + first.j_y * ny), corners.least[j])
+        resistance += way / conductivity[scene.material[j]]
+    for row in (c, k):
+        table.length[row], table.breadth[row], table.way[row] = length, breadth, resistance
+
+
+@kernel
+def _lay_points(
+    scene: Scene, pieces: Pieces, corners: Corners, conductivity: Floats, i: Ints, j: Ints,
+    key: Ints, table: _Table,
+) -> None:  # fmt: skip
+    """Fill the rows of points: those of the keys, or what has become of them by now."""
+    is_done = np.zeros(i.size, np.bool_)
+    for c in range(i.size):
+        if key[c] < 0 or is_done[c]:
+            continue
+        a, b, _ = pieces_of_key(pieces, scene, i[c], j[c], key[c])
+        k = c + 1
+        while k < i.size and i[k] == i[c] and j[k] == j[c]:
+            if key[k] >= 0 and pieces_of_key(pieces, scene, i[k], j[k], key[k])[:2] == (a, b):
+                break
+            k += 1
+        has_mate = k < i.size and i[k] == i[c] and j[k] == j[c]
+        first, second = touch_pieces(pieces, scene, i[c], a, j[c], b)
+        of_first, of_second = -1, -1
+        if first.gap < inf:
+            of_first = point_key(pieces, scene, i[c], a, j[c], b, first.corner)
+        if second.gap < inf:
+            of_second = point_key(pieces, scene, i[c], a, j[c], b, second.corner)
+        is_second = key[c] == of_second or (has_mate and key[k] == of_first)
+        if key[c] != of_first and (is_second or first.gap == inf):
+            first, second = second, first
+        if not has_mate and first.gap == inf:
+            first = second
+        _enter_point(c, first, scene, pieces, corners, i[c], j[c], key[c], table)
+        if not has_mate:
+            continue
+        _enter_point(k, second, scene, pieces, corners, i[c], j[c], key[k], table)
+        is_done[k] = True
+        if first.gap < inf and second.gap < inf:
+            _join(
+                c, k, (first, second), scene, pieces, corners, conductivity, i[c], j[c], key[c],
+                table,
+            )  # fmt: skip
+
+
+@kernel
+def _pressed_areas(force: Floats, mate: Ints, length: Floats, breadth: Floats) -> Floats:
+    """Areas on which sides are pressed [m²], 0 where there is none, shape ``(c,)``."""
+    area = np.zeros(force.size)
+    for c in range(force.size):
+        if length[c] > 0.0:
+            area[c] = pressed_length(force[c], force[mate[c]], length[c]) * breadth[c]
+    return area
+
+
+@kernel
+def _conduct_sides(
+    area: Floats, total: Floats, way: Floats, harmonic: Floats, roughness: Floats, slope: Floats,
+    microhardness: Floats, spot: Floats, conductance: Floats,
+) -> None:  # fmt: skip
+    """Conductances of sides where they are more than those of spots; **modifies** the last two."""
+    for c in range(area.size):
+        if area[c] <= 0.0:
+            continue
+        of_side = side_conductance(
+            total[c], area[c], way[c], harmonic[c], roughness[c], slope[c], microhardness[c]
+        )
+        conductance[c] = max(conductance[c], of_side)
+        spot[c] = max(spot[c], sqrt(area[c] / pi))
+
+
+@dataclass(frozen=True)
+class FacePoints:
+    """Where contacts of grains that are no discs touch; ``c`` contacts, of discs too.
+
+    Attributes:
+        key: Which point of its pair each is, −1 of discs and where there is none, shape ``(c,)``.
+        head: The first contact of its place, likewise.
+        pair: The first contact of its pair, likewise.
+        mate: The other point of a place with two, −1 without, likewise.
+        radius: a* [m], likewise.
+        length: Length that two sides share [m], 0 where there are none, likewise.
+        breadth: Thickness of the thinner grain [m], likewise.
+        way: d_i/λ_i + d_j/λ_j [m² K/W], likewise.
+        normal: Unit normal from j to i, shape ``(c, 2)``; with what follows of points alone.
+        gap: Gap [m], shape ``(c,)``.
+        arm: From the center of i to the point [m], shape ``(c, 2)``.
+    """
+
+    key: Ints
+    head: Ints
+    pair: Ints
+    mate: Ints
+    radius: Floats
+    length: Floats
+    breadth: Floats
+    way: Floats
+    normal: Floats
+    gap: Floats
+    arm: Floats
+
+    @classmethod
+    def of(
+        cls, scene: Scene, pieces: Pieces, corners: Corners, conductivity: Floats, i: Ints, j: Ints,
+        key: Ints, radius: Floats,
+    ) -> FacePoints:  # fmt: skip
+        """Points in a scene; ``pieces`` lie there, ``radius`` is a* of discs [m], ``(c,)``."""
+        count, none = i.size, -np.ones(i.size, np.int32)
+        head = np.arange(count, dtype=np.int32)
+        is_new = np.ones(count, np.bool_)
+        is_new[1:] = (np.diff(i) != 0) | (np.diff(j) != 0)
+        pair = np.maximum.accumulate(np.where(is_new, head, 0)).astype(np.int32)
+        table = _Table(
+            head, none, radius.copy(), np.zeros(count), np.zeros(count), np.zeros(count),
+            np.zeros((count, 2)), np.full(count, inf), np.zeros((count, 2)),
+        )  # fmt: skip
+        _lay_points(scene, pieces, corners, conductivity, i, j, key, table)
+        return cls(key, table.head, pair, *table[1:])
+
+    def join(self, places: Places) -> Places:
+        """These places beside those of discs."""
+        rows = np.flatnonzero(self.mate >= 0)
+        place = np.searchsorted(rows, self.head[rows]) + places.rows.size
+        return Places(
+            np.concatenate([places.rows, rows]),
+            np.concatenate([places.place, place]).astype(np.int32),
+        )
+
+    def or_of_discs(
+        self, scene: Scene, i: Ints, gap: Floats, normal: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Gaps, normals and arms of the points, and where there are none those of discs."""
+        is_point = self.key >= 0
+        gap = np.where(is_point, self.gap, gap)
+        normal = np.where(is_point[:, np.newaxis], self.normal, normal)
+        of_discs = -scene.radius[i][:, np.newaxis] * normal
+        return gap, normal, np.where(is_point[:, np.newaxis], self.arm, of_discs)
+
+    def lead_to_walls(self, is_wall: NDArray[np.bool_], branch: Floats) -> None:
+        """From where points touch walls to the centers, into ``branch`` [m], **modified**."""
+        row = np.flatnonzero(is_wall & (self.key >= 0))
+        branch[row] = self.gap[row][:, np.newaxis] * self.normal[row] - self.arm[row]
+
+    def per_pair(self, values: Floats) -> Floats:
+        """Sums over pairs, at their first contacts, 0 at others, shape ``(c,)``."""
+        found = np.zeros(values.size)
+        np.add.at(found, self.pair, values)
+        return found
+
+    def shared(self, of_pairs: Floats, carried: Floats) -> Floats:
+        """What pairs have at their first contacts, shared out as ``carried``, shape ``(c,)``."""
+        total = self.per_pair(carried)[self.pair]
+        is_loaded = total > 0.0
+        share = np.where(is_loaded, carried / np.where(is_loaded, total, 1.0), 0.0)
+        return np.where(is_loaded, share * of_pairs[self.pair], of_pairs)
+
+    def spot_radii(self, force: Floats, total: Floats) -> Floats:
+        """a* of each place under the forces of its contacts [N], shape ``(c,)``."""
+        found, two = self.radius.copy(), np.flatnonzero(self.mate >= 0)
+        two = two[total[two] > 0.0]
+        mate = self.mate[two]
+        weighted = force[two] * self.radius[two] + force[mate] * self.radius[mate]
+        found[two] = weighted / total[two]
+        return found
+
+    def flash_radii(self, force: Floats, total: Floats, modulus: Floats) -> Floats:
+        """As `spot_radii`, but where sides are pressed those whose spots have their area."""
+        found = self.spot_radii(force, total)
+        area = _pressed_areas(force, self.mate, self.length, self.breadth) / pi
+        side = np.flatnonzero(area)
+        volume = area[side] * np.sqrt(area[side])
+        as_large = 4.0 * modulus[side] * volume / (3.0 * total[side])
+        found[side] = np.maximum(found[side], as_large)
+        return found
+
+    def conduct_sides(
+        self, force: Floats, total: Floats, harmonic: Floats,
+        rough: tuple[()] | tuple[Floats, Floats, Floats],
+        spot: Floats, conductance: Floats,
+    ) -> None:  # fmt: skip
+        """Let sides conduct; arguments as `hertz_spots`, ``rough`` as in `Touching`.
+
+        Forces are those of the contacts and of their places [N]. **Modifies** ``spot``, of a side
+        that of a circle of its pressed area, and ``conductance``.
+        """
+        area = _pressed_areas(force, self.mate, self.length, self.breadth)
+        if area.any():
+            smooth = np.zeros(area.size)
+            about = rough or (smooth, smooth, smooth)
+            _conduct_sides(area, total, self.way, harmonic, *about, spot, conductance)
+
+
+# ---- Pairs that touch before any step has said which do
+
+
+@kernel
+def points_at_rest(
+    scene: Scene, pieces: Pieces, i: Ints, j: Ints, reach: float
+) -> tuple[Ints, Ints, Ints]:
+    """Points of pairs with gaps up to ``reach`` times the smaller radius: i, j and key.
+
+    Discs have one, of the key −1.
+    """
+    room = 0
+    for k in range(i.size):
+        met = 1 if j[k] >= scene.radius.size else pieces.piece[j[k] + 1] - pieces.piece[j[k]]
+        room += 2 * (pieces.piece[i[k] + 1] - pieces.piece[i[k]]) * met
+    first, second = np.empty(room, np.int32), np.empty(room, np.int32)
+    key, found = np.empty(room, np.int32), 0
+    for k in range(i.size):
+        limit = reach * smaller_radius(scene, i[k], j[k])
+        if not are_faces(pieces, i[k], j[k]):
+            first[found], second[found], key[found] = i[k], j[k], -1
+            found += pair_geometry(scene, i[k], j[k])[0] <= limit
+            continue
+        start, end = pieces_met(pieces, scene, j[k])
+        for a in range(pieces.piece[i[k]], pieces.piece[i[k] + 1]):
+            for b in range(start, end):
+                for point in touch_pieces(pieces, scene, i[k], a, j[k], b):
+                    if point.gap <= limit:
+                        first[found], second[found] = i[k], j[k]
+                        key[found] = point_key(pieces, scene, i[k], a, j[k], b, point.corner)
+                        found += 1
+    return first[:found].copy(), second[:found].copy(), key[:found].copy()
