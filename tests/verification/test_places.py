@@ -13,6 +13,7 @@ from heat_parts import (
     with_heat,
 )  # fmt: skip
 from scene_parts import TIGHT, G, advance, book, make_engine, make_model, resume
+from wall_lines import level, walls_of
 
 from multicor_cli.engine.geometry.places import RISE
 from multicor_cli.engine.heat import gas
@@ -32,38 +33,11 @@ WEIGHT = make_model([1.0], shape="sphere").grains.mass[0] * G
 WARM = at_temperature(300.0001)
 
 
-def outline(points, wall, first, *, closed=False):
-    """Shapes of a polyline; ``first`` is the number of its first shape."""
-    points = np.asarray(points, float)
-    count = len(points) if closed else len(points) - 1
-    segments = [
-        (ShapeKind.SEGMENT, wall, (*points[k], *points[(k + 1) % len(points)]))
-        for k in range(count)
-    ]
-    before = [first + (k - 1) % count if closed or k > 0 else -1 for k in range(len(points))]
-    after = [first + k if k < count else -1 for k in range(len(points))]
-    return segments + [
-        (ShapeKind.VERTEX, wall, (*p, b, a)) for p, b, a in zip(points, before, after, strict=True)
-    ]
-
-
-def walls_of(lines, *, closed=False):
-    """Shapes of walls from the points of each, and their names."""
-    shapes = []
-    for wall, points in enumerate(lines):
-        shapes += outline(points, wall, len(shapes), closed=closed)
-    return shapes, tuple(f"wall {wall}" for wall in range(len(lines)))
-
-
 def heavy(lines, **choices):
     """A sphere of 1 m at 300 K and 1 GJ/K between walls, and what these are kept at."""
     shapes, names = walls_of(lines)
     model = make_model([1.0], shapes, names, **{"shape": "sphere", **choices})
     return with_heat(model, 300.0, capacity=1e9), [WARM] * len(names)
-
-
-def level(*x):
-    return [(value, 0.0) for value in x]
 
 
 def tiles(width, shift):

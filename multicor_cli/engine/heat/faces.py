@@ -8,15 +8,19 @@ are those of a curve cut into pieces: there R = r + ½ (ℓ + ℓ′)/(2 sin ½�
 which for a regular polygon is the radius of the circle around it, and a side between two such
 corners is no side but a part of the curve. (Derived.)
 
-Two points of the same two pieces whose edges lie on each other are one place: the whole force makes
-its spot, with the mean of both radii by force. Between sides it conducts as the spot does, or as
-the sides (`side_conductance`), whichever conducts more: sides are pressed on a part of what they
-share that goes to 0 with one of the two forces, so that H is continuous.
+Points of one side are one place: those of the same two pieces, or of a piece and the lines of one
+wall, with their ends, whose normals are one. The whole force makes its spot, with the mean of the
+radii by force. It conducts as the spot does, or as the sides that lie on each other do
+(`side_conductance`), whichever conducts more. Sides are pressed about the center of the forces,
+between the outermost points that bear: the pressed length goes to 0 where one point bears all, so
+that H is continuous. Points of a curve are one place if they are less than δ₀ apart. Pieces of a
+clump, and walls, that lie on one side conduct each for itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, pi, sqrt
 from typing import NamedTuple
 
@@ -39,11 +43,12 @@ from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geome
 from multicor_cli.engine.heat.hertz import pressed_length, side_conductance
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import RADIUS, X, Y
+from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
 _PLANE, _CIRCLE = int(ShapeKind.PLANE), int(ShapeKind.CIRCLE)
+_DISC, _VERTEX = int(ShapeKind.DISC), int(ShapeKind.VERTEX)
 
 SHARP = 0.01
 """Least radius of curvature of a corner over the radius of its grain, or of the one on a wall."""
@@ -109,17 +114,18 @@ def corners_of_discs(scene: Scene, pieces: Pieces, i: Ints, j: Ints) -> NDArray[
 
 
 class _Table(NamedTuple):
-    """`FacePoints` for kernels, which fill it."""
+    """`FacePoints` for kernels, which fill it, and the pieces of i and j, shape ``(c,)``."""
 
     head: Ints
-    mate: Ints
     radius: Floats
-    length: Floats
+    is_side: NDArray[np.bool_]
     breadth: Floats
     way: Floats
     normal: Floats
     gap: Floats
     arm: Floats
+    of_i: Ints
+    of_j: Ints
 
 
 @formula
@@ -188,6 +194,7 @@ def _enter_point(
     """Put a point into a row; one that is no more lies where the bounding circle would touch."""
     a, b, corner = pieces_of_key(pieces, scene, i, j, key)
     kind = _wall_kind(scene, j)
+    table.of_i[c], table.of_j[c] = a, b
     own = _blunted(scene, i, corners.radius[corner])
     if point.gap < inf:
         nx, ny = point.nx, point.ny
@@ -209,41 +216,67 @@ def _enter_point(
 
 
 @kernel
+def _is_line(scene: Scene, j: int) -> bool:
+    """Whether a wall shape is a line, or the end of one."""
+    shape = j - scene.radius.size
+    if scene.kind[shape] != _VERTEX:
+        return bool(scene.kind[shape] != _DISC)
+    return bool(scene.world[shape, TAIL_X] >= 0.0 or scene.world[shape, TAIL_Y] >= 0.0)
+
+
+@kernel
+def _may_join(c: int, k: int, scene: Scene, i: Ints, j: Ints, table: _Table) -> bool:
+    """Whether two points of a grain are of the same two bodies, and pieces of them."""
+    count = scene.radius.size
+    if table.of_i[c] != table.of_i[k] or (j[c] < count) != (j[k] < count):
+        return False
+    if j[c] < count:
+        return bool(j[c] == j[k] and table.of_j[c] == table.of_j[k])
+    is_one_wall = scene.wall[j[c] - count] == scene.wall[j[k] - count]
+    return bool(is_one_wall and _is_line(scene, j[c]) and _is_line(scene, j[k]))
+
+
+@kernel
 def _join(
-    c: int, k: int, points: tuple[Point, Point], scene: Scene, pieces: Pieces, corners: Corners,
-    conductivity: Floats, i: int, j: int, key: int, table: _Table,
-) -> None:  # fmt: skip
-    """Make two points of the same two pieces one place, if their edges lie on each other."""
-    a, b, _ = pieces_of_key(pieces, scene, i, j, key)
-    first, second = points
-    nx, ny = first.nx + second.nx, first.ny + second.ny
-    size, kind = sqrt(nx * nx + ny * ny), _wall_kind(scene, j)
-    if size == 0.0:
+    c: int, k: int, scene: Scene, pieces: Pieces, corners: Corners, j: Ints, table: _Table
+) -> None:
+    """Make two points of the same two pieces one place, if they are of one side or curve."""
+    nx, ny = table.normal[c, X], table.normal[c, Y]
+    cosine = nx * table.normal[k, X] + ny * table.normal[k, Y]
+    nx, ny = nx + table.normal[k, X], ny + table.normal[k, Y]
+    size, kind = sqrt(nx * nx + ny * ny), _wall_kind(scene, j[c])
+    if cosine <= 1.0 - RISE:
         return
     nx, ny = nx / size, ny / size
-    mine = _edge_radius(pieces, corners, a, _facing(pieces, a, -nx, -ny))
-    other = inf
-    if kind not in (_PLANE, _CIRCLE):
+    a, b = table.of_i[c], table.of_j[c]
+    mine, other = _edge_radius(pieces, corners, a, _facing(pieces, a, -nx, -ny)), inf
+    if kind < 0:
         other = _edge_radius(pieces, corners, b, _facing(pieces, b, nx, ny))
-    if mine == inf and kind == _CIRCLE:  # the corners of a side, apart in a circle
-        return
-    table.head[k], table.mate[c], table.mate[k] = c, k, c
-    if mine < inf or other < inf:  # curves
+    if mine < inf or other < inf:
         radius = _joined(min(mine, other), max(mine, other))
         if kind == _CIRCLE:
-            radius = cup_radius(mine, scene.world[j - scene.radius.size, RADIUS])
+            radius = cup_radius(mine, scene.world[j[c] - scene.radius.size, RADIUS])
+        table.head[k] = c
         table.radius[c], table.radius[k] = radius, radius
-        return
-    x, y = second.i_x - first.i_x, second.i_y - first.i_y
-    length, breadth = abs(y * nx - x * ny), corners.thickness[i]
-    way = max(abs(first.i_x * nx + first.i_y * ny), corners.least[i])
+    elif kind != _CIRCLE and cosine >= _ALONG:  # in a circle the corners of a side are apart
+        table.head[k] = c
+        table.is_side[c], table.is_side[k] = True, True
+
+
+@kernel
+def _lead_through(
+    c: int, point: Point, scene: Scene, corners: Corners, conductivity: Floats, i: int, j: int,
+    table: _Table,
+) -> None:  # fmt: skip
+    """How thick a side is at a point, and the ways from the centers to it."""
+    nx, ny, breadth = point.nx, point.ny, corners.thickness[i]
+    way = max(abs(point.i_x * nx + point.i_y * ny), corners.least[i])
     resistance = way / conductivity[scene.material[i]]
-    if kind < 0:
+    if j < scene.radius.size:
         breadth = min(breadth, corners.thickness[j])
-        way = max(abs(first.j_x * nx + first.j_y * ny), corners.least[j])
+        way = max(abs(point.j_x * nx + point.j_y * ny), corners.least[j])
         resistance += way / conductivity[scene.material[j]]
-    for row in (c, k):
-        table.length[row], table.breadth[row], table.way[row] = length, breadth, resistance
+    table.breadth[c], table.way[c] = breadth, resistance
 
 
 @kernel
@@ -252,9 +285,9 @@ def _lay_points(
     key: Ints, table: _Table,
 ) -> None:  # fmt: skip
     """Fill the rows of points: those of the keys, or what has become of them by now."""
-    is_done = np.zeros(i.size, np.bool_)
+    is_done = key < 0
     for c in range(i.size):
-        if key[c] < 0 or is_done[c]:
+        if is_done[c]:
             continue
         a, b, _ = pieces_of_key(pieces, scene, i[c], j[c], key[c])
         k = c + 1
@@ -272,27 +305,52 @@ def _lay_points(
         is_second = key[c] == of_second or (has_mate and key[k] == of_first)
         if key[c] != of_first and (is_second or first.gap == inf):
             first, second = second, first
-        if not has_mate and first.gap == inf:
-            first = second
-        _enter_point(c, first, scene, pieces, corners, i[c], j[c], key[c], table)
-        if not has_mate:
-            continue
-        _enter_point(k, second, scene, pieces, corners, i[c], j[c], key[k], table)
-        is_done[k] = True
-        if first.gap < inf and second.gap < inf:
-            _join(
-                c, k, (first, second), scene, pieces, corners, conductivity, i[c], j[c], key[c],
-                table,
-            )  # fmt: skip
+        row, point = c, first
+        for _ in range(2 if has_mate else 1):
+            _enter_point(row, point, scene, pieces, corners, i[row], j[row], key[row], table)
+            if conductivity[scene.material[i[row]]] > 0.0:
+                _lead_through(row, point, scene, corners, conductivity, i[row], j[row], table)
+            is_done[row] = True
+            row, point = k, second
 
 
 @kernel
-def _pressed_areas(force: Floats, mate: Ints, length: Floats, breadth: Floats) -> Floats:
+def _join_points(
+    scene: Scene, pieces: Pieces, corners: Corners, i: Ints, j: Ints, key: Ints, table: _Table
+) -> None:
+    """Places of the points."""
+    for c in range(i.size):
+        if key[c] < 0 or table.head[c] != c:
+            continue
+        k = c + 1
+        while k < i.size and i[k] == i[c]:
+            if key[k] >= 0 and table.head[k] == k and _may_join(c, k, scene, i, j, table):
+                _join(c, k, scene, pieces, corners, j, table)
+            k += 1
+
+
+@kernel
+def _pressed_areas(
+    force: Floats, head: Ints, is_side: NDArray[np.bool_], breadth: Floats, normal: Floats,
+    arm: Floats,
+) -> Floats:  # fmt: skip
     """Areas on which sides are pressed [m²], 0 where there is none, shape ``(c,)``."""
-    area = np.zeros(force.size)
-    for c in range(force.size):
-        if length[c] > 0.0:
-            area[c] = pressed_length(force[c], force[mate[c]], length[c]) * breadth[c]
+    count = force.size
+    total, moment, area = np.zeros(count), np.zeros(count), np.zeros(count)
+    low, high = np.full(count, inf), np.full(count, -inf)
+    for c in range(count):
+        h = head[c]
+        if is_side[c] and force[c] > 0.0:
+            along = arm[c, Y] * normal[h, X] - arm[c, X] * normal[h, Y]
+            total[h] += force[c]
+            moment[h] += force[c] * along
+            low[h], high[h] = min(low[h], along), max(high[h], along)
+    for c in range(count):
+        h = head[c]
+        if is_side[c] and total[h] > 0.0:
+            center = moment[h] / total[h]
+            nearer = min(center - low[h], high[h] - center)
+            area[c] = pressed_length(nearer, high[h] - low[h]) * breadth[h]
     return area
 
 
@@ -320,9 +378,8 @@ class FacePoints:
         key: Which point of its pair each is, −1 of discs and where there is none, shape ``(c,)``.
         head: The first contact of its place, likewise.
         pair: The first contact of its pair, likewise.
-        mate: The other point of a place with two, −1 without, likewise.
         radius: a* [m], likewise.
-        length: Length that two sides share [m], 0 where there are none, likewise.
+        is_side: Whether it is one of several of a side, likewise.
         breadth: Thickness of the thinner grain [m], likewise.
         way: d_i/λ_i + d_j/λ_j [m² K/W], likewise.
         normal: Unit normal from j to i, shape ``(c, 2)``; with what follows of points alone.
@@ -333,9 +390,8 @@ class FacePoints:
     key: Ints
     head: Ints
     pair: Ints
-    mate: Ints
     radius: Floats
-    length: Floats
+    is_side: NDArray[np.bool_]
     breadth: Floats
     way: Floats
     normal: Floats
@@ -348,21 +404,23 @@ class FacePoints:
         key: Ints, radius: Floats,
     ) -> FacePoints:  # fmt: skip
         """Points in a scene; ``pieces`` lie there, ``radius`` is a* of discs [m], ``(c,)``."""
-        count, none = i.size, -np.ones(i.size, np.int32)
+        count = i.size
         head = np.arange(count, dtype=np.int32)
         is_new = np.ones(count, np.bool_)
         is_new[1:] = (np.diff(i) != 0) | (np.diff(j) != 0)
         pair = np.maximum.accumulate(np.where(is_new, head, 0)).astype(np.int32)
         table = _Table(
-            head, none, radius.copy(), np.zeros(count), np.zeros(count), np.zeros(count),
+            head, radius.copy(), np.zeros(count, np.bool_), np.zeros(count), np.zeros(count),
             np.zeros((count, 2)), np.full(count, inf), np.zeros((count, 2)),
+            np.zeros(count, np.int32), np.zeros(count, np.int32),
         )  # fmt: skip
         _lay_points(scene, pieces, corners, conductivity, i, j, key, table)
-        return cls(key, table.head, pair, *table[1:])
+        _join_points(scene, pieces, corners, i, j, key, table)
+        return cls(key, table.head, pair, *table[1:-2])
 
     def join(self, places: Places) -> Places:
         """These places beside those of discs."""
-        rows = np.flatnonzero(self.mate >= 0)
+        rows = self._shared_rows
         place = np.searchsorted(rows, self.head[rows]) + places.rows.size
         return Places(
             np.concatenate([places.rows, rows]),
@@ -399,17 +457,27 @@ class FacePoints:
 
     def spot_radii(self, force: Floats, total: Floats) -> Floats:
         """a* of each place under the forces of its contacts [N], shape ``(c,)``."""
-        found, two = self.radius.copy(), np.flatnonzero(self.mate >= 0)
-        two = two[total[two] > 0.0]
-        mate = self.mate[two]
-        weighted = force[two] * self.radius[two] + force[mate] * self.radius[mate]
-        found[two] = weighted / total[two]
+        found, rows = self.radius.copy(), self._shared_rows
+        rows = rows[total[rows] > 0.0]
+        weighted = np.zeros(force.size)
+        np.add.at(weighted, self.head[rows], force[rows] * self.radius[rows])
+        found[rows] = weighted[self.head[rows]] / total[rows]
         return found
+
+    @cached_property
+    def _shared_rows(self) -> NDArray[np.int64]:
+        """Contacts in places with others."""
+        count = np.bincount(self.head, minlength=self.head.size)
+        return np.flatnonzero(count[self.head] > 1)
+
+    def _areas(self, force: Floats) -> Floats:
+        """Areas on which sides are pressed by forces [N] in [m²], shape ``(c,)``."""
+        return _pressed_areas(force, self.head, self.is_side, self.breadth, self.normal, self.arm)
 
     def flash_radii(self, force: Floats, total: Floats, modulus: Floats) -> Floats:
         """As `spot_radii`, but where sides are pressed those whose spots have their area."""
         found = self.spot_radii(force, total)
-        area = _pressed_areas(force, self.mate, self.length, self.breadth) / pi
+        area = self._areas(force) / pi
         side = np.flatnonzero(area)
         volume = area[side] * np.sqrt(area[side])
         as_large = 4.0 * modulus[side] * volume / (3.0 * total[side])
@@ -426,7 +494,7 @@ class FacePoints:
         Forces are those of the contacts and of their places [N]. **Modifies** ``spot``, of a side
         that of a circle of its pressed area, and ``conductance``.
         """
-        area = _pressed_areas(force, self.mate, self.length, self.breadth)
+        area = self._areas(force)
         if area.any():
             smooth = np.zeros(area.size)
             about = rough or (smooth, smooth, smooth)

@@ -176,14 +176,12 @@ def rough_conductance(
 
 
 @formula
-def pressed_length(first: float, second: float, length: float) -> float:
-    """Length on which a side of ``length`` [m] is pressed by the forces at its ends [N], ≥ 0.
+def pressed_length(nearer: float, length: float) -> float:
+    """Length on which a side of ``length`` [m] is pressed if its force is so near to an end [m].
 
-    All of it while their center is within the middle third, else three times its distance from the
-    nearer end: 3 F_min/(F_1 + F_2) of the side.
+    All of it while the force is within the middle third, else three times its distance, at least 0.
     """
-    least = min(first, second)
-    return length * min(1.0, 3.0 * least / (first + second)) if least > 0.0 else 0.0
+    return max(0.0, min(length, 3.0 * nearer))
 
 
 @formula

@@ -1,0 +1,86 @@
+"""Grains of any shape, and small scenes of them."""
+
+from dataclasses import replace
+
+import numpy as np
+from scene_parts import FLOOR, make_model
+
+from multicor_cli.engine import Engine, Orders, Settings
+from multicor_cli.model import State
+from multicor_cli.model.measures import measure
+from multicor_cli.model.outlines import Outlines
+
+POINT = np.zeros((1, 2))
+
+
+def regular(sides, radius=1.0, turn=0.0):
+    """Corners on a circle; with ``turn`` 0 the first one is on the right."""
+    angle = turn + 2.0 * np.pi * np.arange(sides) / sides
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def convex(rng, sides, radius=1.0):
+    """Corners at random angles on a circle around the origin, none much closer than the others."""
+    angle = 2.0 * np.pi * (np.arange(sides) + rng.uniform(-0.3, 0.3, sides)) / sides
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def box(width, height):
+    """Corners of a box around the origin."""
+    x, y = 0.5 * width, 0.5 * height
+    return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+
+
+def rod(length):
+    """Both corners of a rod along x; ``length`` is that of its core."""
+    return np.array([[-0.5 * length, 0.0], [0.5 * length, 0.0]])
+
+
+def disc(radius):
+    """A grain that is a disc."""
+    return [(POINT, radius)]
+
+
+def outlines_of(grains):
+    """Outlines of grains of pieces (corners, rounding), centers that these had, their gyration.
+
+    A disc stays where it is to the bit.
+    """
+    measures = measure(grains)
+    centers = [
+        np.zeros(2) if len(grain) == 1 and len(grain[0][0]) == 1 else center
+        for grain, center in zip(grains, measures.center, strict=True)
+    ]
+    moved = [
+        [(corners - center, rounding) for corners, rounding in grain]
+        for grain, center in zip(grains, centers, strict=True)
+    ]
+    outlines = Outlines.of(moved, measures.area, measures.perimeter)
+    return outlines, np.array(centers), measures.gyration
+
+
+def shaped_model(grains, shapes=FLOOR, walls=("floor",), **keys):
+    """Model of grains of pieces (corners, rounding), around their centers of mass, density 1."""
+    outlines, _, gyration = outlines_of(grains)
+    model = make_model(outlines.radius, shapes, walls, **keys)
+    mass = outlines.area.copy()
+    bodies = replace(model.grains, mass=mass, inertia=mass * gyration)
+    return replace(model, grains=bodies, outlines=outlines)
+
+
+def shaped_engine(model, places, velocities=None, *, settings=None, drives=None, threads=1):
+    """Engine of grains at ``places``: x, y and maybe the angle."""
+    places = np.asarray(places, float)
+    state = State.at_rest(model, places[:, :2])
+    state.position[:, 2:] = places[:, 2:]
+    if velocities is not None:
+        state.velocity[:] = velocities
+    engine = Engine(model, state, threads=threads)
+    engine.begin(Orders(drives, settings or Settings()))
+    return engine
+
+
+def on_slope(tangent, gravity=9.81):
+    """Gravity along and across a slope of this steepness that is drawn level."""
+    angle = np.arctan(tangent)
+    return gravity * np.sin(angle), -gravity * np.cos(angle)
