@@ -201,6 +201,16 @@ def test_rough_contact_nearly_doubles_the_resistance():
     assert 1.0 / h == pytest.approx(macro + micro, rel=1e-14)
 
 
+def test_flat_sides_that_are_rough():
+    """Steel under 1 MPa, and squares of 3 mm, 1 mm thick, of it, side by side."""
+    rough = sqrt(2.0) * 1e-6, sqrt(2.0) * 0.1, 3e9
+    assert hertz.joint_coefficient(1e6, CONDUCTIVITY, *rough) == digits(932.69, 5e-6)
+    area, way = 3e-6, 3e-3 / CONDUCTIVITY
+    h = hertz.side_conductance(3.0, area, way, CONDUCTIVITY, *rough)
+    assert 1.0 / h == pytest.approx(1.0 / (932.69 * area) + way / area, rel=5e-6)
+    assert h == digits(0.00235817)
+
+
 # ---- friction, partition, wear
 
 

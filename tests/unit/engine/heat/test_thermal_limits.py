@@ -206,6 +206,28 @@ def exchange(area, T_i, T_j):
     return radiation.linear_coefficient(area, T_i, T_j) * (T_j - T_i)
 
 
+def test_sides_are_pressed_as_footings_are():
+    """No tension: all of a side within its kern, nothing under a force at its end."""
+    for nearer, pressed in ((0.5, 1.0), (1.0 / 3.0, 1.0), (0.2, 0.6), (0.0, 0.0), (-1e-18, 0.0)):
+        assert hertz.pressed_length(nearer, 1.0) == pytest.approx(pressed, rel=1e-15, abs=0.0)
+
+
+def test_sides_conduct_by_their_area_and_smooth_ones_straight_through():
+    side, rough = hertz.side_conductance, (1e-6, 0.1, 3e9)
+    assert side(1.0, 0.0, 1.0, STEEL, *rough) == side(0.0, 1.0, 1.0, STEEL, *rough) == 0.0
+    one = side(1.0, 1e-6, 2e-4, STEEL, *rough)
+    assert side(2.0, 2e-6, 2e-4, STEEL, *rough) == pytest.approx(2.0 * one, rel=1e-14)
+    smooth = side(1.0, 1e-6, 2e-4, STEEL, 0.0, 0.1, 3e9)
+    assert smooth == pytest.approx(1e-6 / 2e-4, rel=1e-15)
+    assert side(1.0, 1e-6, 2e-4, STEEL, 1e-15, 0.1, 3e9) == pytest.approx(smooth, rel=1e-6)
+    # On the same area as a Hertz spot asperities are those of rough spheres, but for the exponent
+    radius = hertz.contact_radius(1.0, 7.5e-4, 1e11)
+    area, peak = pi * radius * radius, 1.5 / (pi * radius * radius)
+    of_side = 1.0 / side(1.0, area, 0.0, STEEL, *rough)
+    of_spot = hertz.micro_resistance(radius, peak, STEEL, *rough)
+    assert of_side / of_spot == pytest.approx((peak / 1.5 / 3e9) ** 0.01, rel=5e-3)
+
+
 def test_radiation_is_that_of_stefan_and_boltzmann_and_cancels_nothing():
     assert exchange(2.0, 300.0, 500.0) == -exchange(2.0, 500.0, 300.0)
     expected = 2.0 * radiation.STEFAN_BOLTZMANN * (500.0**4 - 300.0**4)
@@ -306,6 +328,9 @@ SAMPLES = {
     "radiation.cylinder_view_factor": (A, 2e-3, 1e-4),
     "radiation.linear_coefficient": (7e-6, 300.0, 450.0),
     "radiation.sphere_area_factor": (0.2, A, 2e-3),
+    "hertz.pressed_length": (0.2, 1.0),
+    "hertz.joint_coefficient": (1e6, 15.0, 1e-6, 0.1, 3e9),
+    "hertz.side_conductance": (3.0, 3e-6, 2e-4, 15.0, 1e-6, 0.1, 3e9),
     "hertz.macro_resistance": (1.7e-5, 15.0),
     "hertz.micro_resistance": (1.7e-5, 1.5e9, 15.0, 1e-6, 0.1, 3e9),
     "hertz.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
