@@ -72,7 +72,7 @@ def shaped_engine(model, places, velocities=None, *, settings=None, drives=None,
     """Engine of grains at ``places``: x, y and maybe the angle."""
     places = np.asarray(places, float)
     state = State.at_rest(model, places[:, :2])
-    state.position[:, 2:] = places[:, 2:]
+    state.position[:, : places.shape[1]] = places
     if velocities is not None:
         state.velocity[:] = velocities
     engine = Engine(model, state, threads=threads)

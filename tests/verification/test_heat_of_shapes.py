@@ -384,27 +384,23 @@ def test_a_frozen_run_finds_the_points_that_touch():
     )
 
 
+@pytest.mark.parametrize("conduction", ["hertz", "rough"])
 @pytest.mark.parametrize("one_wall", [True, False])
 @pytest.mark.parametrize("joints", [[], [-0.1], [0.4], [-0.2, 0.3]])
-def test_a_floor_of_pieces_conducts_as_one(joints, one_wall):
-    """Whatever the pieces; those of several walls each by what lies on it. All of the side bears:
-    with three points and more it is not determined how much each does."""
+def test_a_floor_of_pieces_conducts_as_one(joints, one_wall, conduction):
+    """Whatever the pieces, which share it by their forces; with three points and more it is not
+    determined how much each of them bears."""
     edges = [-4.0, *joints, 4.0]
     lines = [level(*edges)] if one_wall else [level(a, b) for a, b in pairwise(edges)]
     shapes, names = walls_of(lines)
     model = hot([[(box(1.0, 1.0), 0.0)]], shapes=shapes, walls=names)
-    engine = coupled_engine(model, at(0.5), **SETTINGS)
+    engine = coupled_engine(model, at(0.5), conduction=conduction, **SETTINGS)
     advance(engine, 1e-3, 3)
-    found, table = sum(of_pairs(engine).values()), engine.contacts()
-    bears = table.impulse[:, 0] > 0.0
-    along, wall = table.arm[bears, 0], model.shapes.wall[table.j[bears] - 1]
-    force, expected = table.impulse[bears, 0], 0.0
-    for w in set(wall.tolist()):
-        x, f = along[wall == w], force[wall == w]
-        center = (x * f).sum() / f.sum()
-        expected += pressed_length(min(center - x.min(), x.max() - center), np.ptp(x))
-    assert expected > 0.25
-    assert found == pytest.approx(LAMBDA * THICKNESS * expected / 0.5, rel=1e-2)
+    table = engine.contacts()
+    found, force = table.conductance.sum(), table.impulse[:, 0]
+    expected = through_side(1e3 * force.sum(), THICKNESS, 0.5, rough=conduction == "rough")
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert table.conductance == pytest.approx(found * force / force.sum(), rel=1e-9)
 
 
 def test_a_block_over_the_end_of_a_table_conducts_through_what_lies_on_it():

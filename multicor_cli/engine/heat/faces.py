@@ -8,13 +8,13 @@ are those of a curve cut into pieces: there R = r + ½ (ℓ + ℓ′)/(2 sin ½�
 which for a regular polygon is the radius of the circle around it, and a side between two such
 corners is no side but a part of the curve. (Derived.)
 
-Points of one side are one place: those of the same two pieces, or of a piece and the lines of one
-wall, with their ends, whose normals are one. The whole force makes its spot, with the mean of the
+Points of one side are one place: those of the same two pieces, or of a piece and the lines of
+walls, with their ends, whose normals are one. The whole force makes its spot, with the mean of the
 radii by force. It conducts as the spot does, or as the sides that lie on each other do
 (`side_conductance`), whichever conducts more. Sides are pressed about the center of the forces,
 between the outermost points that bear: the pressed length goes to 0 where one point bears all, so
-that H is continuous. Points of a curve are one place if they are less than δ₀ apart. Pieces of a
-clump, and walls, that lie on one side conduct each for itself.
+that H is continuous; a gap between walls that one side lies on is not seen. Points of a curve are
+one place if they are less than δ₀ apart. Pieces of a clump conduct each for itself.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from multicor_cli.engine.geometry.places import RISE, Places, rows_in_corners
 from multicor_cli.engine.geometry.radii import cup_radius, effective_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
 from multicor_cli.engine.heat.hertz import pressed_length, side_conductance
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
@@ -134,7 +134,7 @@ def _blunted(scene: Scene, i: int, radius: float) -> float:
     return float(max(radius, SHARP * scene.radius[i]))
 
 
-@kernel
+@subroutine
 def _facing(pieces: Pieces, p: int, x: float, y: float) -> int:
     """The edge of a piece whose normal is nearest to (x, y)."""
     best, most = pieces.start[p], -inf
@@ -145,7 +145,7 @@ def _facing(pieces: Pieces, p: int, x: float, y: float) -> int:
     return int(best)
 
 
-@kernel
+@subroutine
 def _edge_radius(pieces: Pieces, corners: Corners, p: int, edge: int) -> float:
     """Radius of curvature of an edge of a piece [m]; infinite of a side."""
     if corners.is_side[edge]:
@@ -158,7 +158,7 @@ _ALONG = 1.0 - 1e-6
 """Least cosine of two directions that count as one: 1.4 mrad apart."""
 
 
-@kernel
+@subroutine
 def _radius_towards(pieces: Pieces, corners: Corners, p: int, x: float, y: float) -> float:
     """Radius of curvature of a piece where its outward normal is (x, y) [m]; infinite on sides."""
     first, last, corner = pieces.start[p], pieces.start[p + 1], pieces.corner
@@ -180,13 +180,13 @@ def _joined(radius: float, other: float) -> float:
     return radius if other == inf else effective_radius(radius, other)
 
 
-@kernel
+@subroutine
 def _wall_kind(scene: Scene, j: int) -> int:
     """Kind of a wall shape; −1 of a grain."""
     return int(scene.kind[j - scene.radius.size]) if j >= scene.radius.size else -1
 
 
-@kernel
+@subroutine
 def _enter_point(
     c: int, point: Point, scene: Scene, pieces: Pieces, corners: Corners, i: int, j: int, key: int,
     table: _Table,
@@ -215,7 +215,7 @@ def _enter_point(
         table.radius[c] = _joined(own, _blunted(scene, i, other))
 
 
-@kernel
+@subroutine
 def _is_line(scene: Scene, j: int) -> bool:
     """Whether a wall shape is a line, or the end of one."""
     shape = j - scene.radius.size
@@ -224,19 +224,18 @@ def _is_line(scene: Scene, j: int) -> bool:
     return bool(scene.world[shape, TAIL_X] >= 0.0 or scene.world[shape, TAIL_Y] >= 0.0)
 
 
-@kernel
+@subroutine
 def _may_join(c: int, k: int, scene: Scene, i: Ints, j: Ints, table: _Table) -> bool:
-    """Whether two points of a grain are of the same two bodies, and pieces of them."""
+    """Whether two points of a grain are of the same piece, and of another, or of lines of walls."""
     count = scene.radius.size
     if table.of_i[c] != table.of_i[k] or (j[c] < count) != (j[k] < count):
         return False
     if j[c] < count:
         return bool(j[c] == j[k] and table.of_j[c] == table.of_j[k])
-    is_one_wall = scene.wall[j[c] - count] == scene.wall[j[k] - count]
-    return bool(is_one_wall and _is_line(scene, j[c]) and _is_line(scene, j[k]))
+    return bool(j[c] == j[k] or (_is_line(scene, j[c]) and _is_line(scene, j[k])))
 
 
-@kernel
+@subroutine
 def _join(
     c: int, k: int, scene: Scene, pieces: Pieces, corners: Corners, j: Ints, table: _Table
 ) -> None:
@@ -263,7 +262,7 @@ def _join(
         table.is_side[c], table.is_side[k] = True, True
 
 
-@kernel
+@subroutine
 def _lead_through(
     c: int, point: Point, scene: Scene, corners: Corners, conductivity: Floats, i: int, j: int,
     table: _Table,

@@ -13,7 +13,7 @@ from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.geometry.outlines import Pieces, circle_gap
 from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_place
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
-from multicor_cli.engine.geometry.scene import Scene, known_geometry
+from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
 from multicor_cli.engine.heat.faces import FacePoints, corners_of_discs
 from multicor_cli.engine.heat.hertz import (
     contact_radius,
@@ -36,19 +36,22 @@ from multicor_cli.model.state import State
 
 @kernel
 def near_pairs(
-    scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints, reach: float
+    scene: Scene, is_whole: bool, row: NDArray[np.int64], partner: Ints, reach: float
 ) -> tuple[Ints, Ints, Floats]:
     """Pairs with gaps up to ``reach`` times the smaller radius: i, j, gap [m], sorted by (i, j).
 
-    Of grains that are no discs, gaps are those of the circles around them. ``row``, shape
-    ``(n + 1,)``, and ``partner``, ascending in a row, are those of a neighbor list.
+    ``row``, shape ``(n + 1,)``, and ``partner``, ascending in a row, are those of a neighbor list.
+    Walls count with their ends, even if another piece is closer, where it ``is_whole``: of circles
+    around grains that are no discs.
     """
     room = partner.size
     i_of, j_of, gap_of = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
     found = 0
     for i in range(row.size - 1):
         for p in range(row[i], row[i + 1]):
-            gap = circle_gap(scene, pieces, i, partner[p])[0]
+            gap = pair_geometry(scene, i, partner[p])[0]
+            if is_whole:
+                gap = circle_gap(scene, i, partner[p])
             if gap <= reach * smaller_radius(scene, i, partner[p]):
                 i_of[found], j_of[found], gap_of[found] = i, partner[p], gap
                 found += 1

@@ -345,7 +345,8 @@ class HeatStep:
         if self._state.radius.size:
             self._list.note_radii(self._model.grains.radius)
         self._list.update(scene, reach * float(self._model.grains.radius.max()))
-        return near_pairs(scene, self._pieces, self._list.row, self._list.partner, reach)
+        has_points = self._pieces is not None
+        return near_pairs(scene, has_points, self._list.row, self._list.partner, reach)
 
     def _integrate(
         self, links: Links, source: Floats, scene: Scene, strayed: Floats, dt: float, t: float, *,
