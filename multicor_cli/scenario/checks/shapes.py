@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.problems import KeyPath, Refused
 from multicor_cli.scenario.tables import PartialScenario, given
 
@@ -32,7 +33,17 @@ def _of_discs(tables: PartialScenario, materials: set[str]) -> Iterator[tuple[Ke
         if material is not None and material.expansion:
             what = f"thermal expansion of {material.expansion:g} 1/K"
             yield ("materials", name, "expansion"), what
-    if tables.heat is not None and tables.heat.wear_shrinks:
+    if tables.heat is not None:
+        yield from _of_spheres(tables.heat)
+
+
+def _of_spheres(heat: Heat) -> Iterator[tuple[KeyPath, str]]:
+    """Mechanisms of heat whose formulas are those of spheres or discs."""
+    if heat.wear_shrinks:
         yield ("heat", "wear_shrinks"), "how they shrink by wear"
-    if tables.has_heat:
-        yield ("heat",), "heat"
+    if heat.collisional:
+        yield ("heat", "collisional"), "conduction in an impact"
+    if heat.gas is not None:
+        yield ("heat", "gas"), "conduction by gas in gaps"
+    if heat.radiation is not None and heat.radiation.neighbors:
+        yield ("heat", "radiation", "neighbors"), "radiation between neighbors"

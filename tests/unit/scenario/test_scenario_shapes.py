@@ -1,9 +1,11 @@
 """Shapes of grains and their orientation: what is right, and what is refused and how."""
 
+import numpy as np
 import pytest
 from scenario_problems import check_one
 from scenarios import toml
 
+from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
 
 FIVE = {"kind": "polygon", "sides": 5}
@@ -86,11 +88,22 @@ def test_each_mistake_is_told_once_at_its_key(name):
     check_one(text_of(shape, keys), path, None, *words)
 
 
+GLASS = {
+    "density": 2500.0,
+    "young": 70e9,
+    "poisson": 0.22,
+    "conductivity": 1.0,
+    "heat_capacity": 800.0,
+    "emissivity": 0.9,
+}
+
 # tables beside the group, key, words
 NOT_YET = {
     "rolling": ({"contacts": [{"friction": 0.4, "rolling_friction": 0.1}]}, "contacts.0.rolling_friction", "rolling resistance of 0.1"),
     "adhesion": ({"contacts": [{"adhesion": 1e-5}]}, "contacts.0.adhesion", "adhesion of 1e-05 N"),
-    "heat": ({"heat": {}}, "heat", "heat"),
+    "impacts": ({"heat": {"collisional": True}}, "heat.collisional", "conduction in an impact"),
+    "gas": ({"heat": {"gas": {"conductivity": 0.026}}}, "heat.gas", "gas in gaps"),
+    "neighbors": ({"heat": {"radiation": {"neighbors": True}}, "materials": {"glass": GLASS}}, "heat.radiation.neighbors", "radiation between neighbors"),
 }  # fmt: skip
 
 
@@ -100,6 +113,20 @@ def test_what_is_not_known_of_other_shapes_is_refused(name):
     check_one(text_of(FIVE, **said), key, None, *words, "is not known of the grains of 'grains'")
     parse_scenario(text_of("disc", **said), "shear.toml")
     parse_scenario(text_of({"kind": "ellipse", "aspect": 1.0}, **said), "shear.toml")
+
+
+def test_heat_of_other_shapes_is_that_of_contacts_film_and_surroundings():
+    said = {
+        "heat": {
+            "impact": True, "ambient": {"temperature": 300.0, "coefficient": 10.0},
+            "radiation": {"surroundings": 300.0},
+        },
+        "materials": {"glass": GLASS},
+    }  # fmt: skip
+    model = build(parse_scenario(text_of(FIVE, **said), "shear.toml"))[0]
+    assert model.thermal.capacity == pytest.approx(800.0 * model.grains.mass)
+    assert model.grains.mass == pytest.approx(2500.0 * 1e-3 * model.area)
+    assert model.thermal.surface == pytest.approx(1e-3 * 10.0 * 1e-3 * np.sin(np.pi / 5))
 
 
 def test_spheres_and_outlines_do_not_mix():
