@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cells import compressed, loose_cell, make_cell, orders
-from heat_parts import make_heat_laws
-from scene_parts import continued, resume
+from heat_parts import heat_book, make_heat_laws
+from scene_parts import book, continued, resume
 
 from multicor_cli.engine import Engine
 from multicor_cli.engine.heat.gas import CORE, Gas, parallel_conductance
@@ -224,6 +224,9 @@ def test_a_flow_keeps_its_books_and_may_be_stopped_at_any_step():
         advance(each, 2.0, 40)
     assert engine.state.digest() == other.state.digest()
     assert engine.state.heat_books[HEAT_BOOK_NAMES.index("closure")] < 1e-12
+    assert heat_book(engine.state, "friction") == pytest.approx(
+        book(engine.state, "friction_loss"), rel=1e-12
+    )
     passed = flux(engine, 22.0)
     assert passed["contacts"][1] < 0.0
     assert passed["motion"][1] < 0.0

@@ -23,6 +23,7 @@ from multicor_cli.engine.contact.contacts import (
     relative_velocity,
     rolled_loss,
     rolling_loss,
+    stretch_along,
 )
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
@@ -31,7 +32,7 @@ from multicor_cli.engine.jit.arrays import CHUNK, column_totals
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL
+from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.
@@ -304,8 +305,9 @@ class Solved(NamedTuple):
         i: Grains, shape ``(c,)``.
         j: Grains or wall shapes, shape ``(c,)``.
         contacts: Their table, in which those of two discs are missing if ``is_plain``.
-        lane: Lane of each, shape ``(c,)``; this and the next three are those of the `Schedule`.
+        lane: Lane of each, shape ``(c,)``; this and the next four are those of the `Schedule`.
             Contacts of two discs have one below `NO_LANE`.
+        branch: Branch vectors in a cell, likewise.
         after: Velocities v⁺, shape ``(bodies, 4)``.
         is_plain: Whether none adheres or resists rolling.
     """
@@ -317,6 +319,7 @@ class Solved(NamedTuple):
     frame: Floats
     impulse: Floats
     before: Floats
+    branch: Floats
     after: Floats
     is_plain: bool
 
@@ -352,7 +355,7 @@ def generated_heat(
     The scene is that at q_m. **Modifies** ``heat`` of friction and impacts [J], shape ``(c, 2)``,
     and ``rubbing`` [N m], shape ``(c,)``, of the contacts ``rows``.
     """
-    i, j, contacts, lane, frame, impulse, before, after, is_plain = solved
+    i, j, contacts, lane, frame, impulse, before, branch, after, is_plain = solved
     grains = scene.radius.size
     for chunk in prange((rows.size + CHUNK - 1) // CHUNK):
         for r in range(chunk * CHUNK, min(rows.size, (chunk + 1) * CHUNK)):
@@ -363,6 +366,11 @@ def generated_heat(
                 q_n, p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
                 was_n, was_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
                 u_n, u_t = relative_velocity(after, i[c], j[c], nx, ny, False, 0.0, 0.0)
+                if scene.height > 0.0:
+                    more_n, more_t = stretch_along(
+                        after, grains, branch[q, X, k], branch[q, Y, k], nx, ny
+                    )
+                    u_n, u_t = u_n + more_n, u_t + more_t
             else:
                 contact = contacts[c]
                 q_n, p_t, mu = contact.p_n, contact.p_t, contact.mu

@@ -169,7 +169,7 @@ class HeatStep:
         solved = Solved(
             moved.i.view(np.uint32), moved.j.view(np.uint32), moved.contacts,
             lanes.lane.view(np.uint32), lanes.frame, lanes.impulse, lanes.before,
-            moved.after, is_plain,
+            lanes.branch, moved.after, is_plain,
         )  # fmt: skip
         rubbed = self._generate(moved.scene, solved, touching.share)
         spots = self._spots(moved, rubbed.normal, touching, dt)
