@@ -307,8 +307,7 @@ def _lay_points(
         row, point = c, first
         for _ in range(2 if has_mate else 1):
             _enter_point(row, point, scene, pieces, corners, i[row], j[row], key[row], table)
-            if conductivity[scene.material[i[row]]] > 0.0:
-                _lead_through(row, point, scene, corners, conductivity, i[row], j[row], table)
+            _lead_through(row, point, scene, corners, conductivity, i[row], j[row], table)
             is_done[row] = True
             row, point = k, second
 
@@ -329,7 +328,7 @@ def _join_points(
 
 
 @kernel
-def _pressed_areas(
+def _areas_of(
     force: Floats, head: Ints, is_side: NDArray[np.bool_], breadth: Floats, normal: Floats,
     arm: Floats,
 ) -> Floats:  # fmt: skip
@@ -469,14 +468,14 @@ class FacePoints:
         count = np.bincount(self.head, minlength=self.head.size)
         return np.flatnonzero(count[self.head] > 1)
 
-    def _areas(self, force: Floats) -> Floats:
+    def pressed_areas(self, force: Floats) -> Floats:
         """Areas on which sides are pressed by forces [N] in [m²], shape ``(c,)``."""
-        return _pressed_areas(force, self.head, self.is_side, self.breadth, self.normal, self.arm)
+        return _areas_of(force, self.head, self.is_side, self.breadth, self.normal, self.arm)
 
     def flash_radii(self, force: Floats, total: Floats, modulus: Floats) -> Floats:
         """As `spot_radii`, but where sides are pressed those whose spots have their area."""
         found = self.spot_radii(force, total)
-        area = self._areas(force) / pi
+        area = self.pressed_areas(force) / pi
         side = np.flatnonzero(area)
         volume = area[side] * np.sqrt(area[side])
         as_large = 4.0 * modulus[side] * volume / (3.0 * total[side])
@@ -493,7 +492,7 @@ class FacePoints:
         Forces are those of the contacts and of their places [N]. **Modifies** ``spot``, of a side
         that of a circle of its pressed area, and ``conductance``.
         """
-        area = self._areas(force)
+        area = self.pressed_areas(force)
         if area.any():
             smooth = np.zeros(area.size)
             about = rough or (smooth, smooth, smooth)

@@ -101,7 +101,7 @@ def test_a_block_on_pieces_of_walls_is_one_place():
         _, _, points = points_of([[(box(1.0, 1.0), 0.0)]], [[0.0, 0.5]], shapes, names)
         assert np.unique(points.head).size == 1
         assert points.is_side.all()
-        area = points._areas(np.ones(points.head.size))
+        area = points.pressed_areas(np.ones(points.head.size))
         assert area == pytest.approx(np.full(area.size, 0.5))
         assert points.way == pytest.approx(0.5 / 15.0)
 
@@ -128,7 +128,7 @@ def test_feet_of_a_clump_conduct_each_for_itself():
     assert i.size == 4
     assert np.unique(points.head).size == 2
     force = np.ones(4)
-    assert points._areas(force) == pytest.approx(np.full(4, 0.2 * 0.5))
+    assert points.pressed_areas(force) == pytest.approx(np.full(4, 0.2 * 0.5))
 
 
 def test_points_that_are_no_more_are_those_that_came_instead():
@@ -140,4 +140,4 @@ def test_points_that_are_no_more_are_those_that_came_instead():
         key = np.array(keys, np.int32)
         points = FacePoints.of(scene, pieces, corners, LAMBDA, i, j, key, np.ones(2))
         assert sorted(points.arm[:, 0].tolist()) == pytest.approx([-0.3, 0.5])
-        assert points._areas(np.ones(2)) == pytest.approx(np.full(2, 0.4))
+        assert points.pressed_areas(np.ones(2)) == pytest.approx(np.full(2, 0.4))
