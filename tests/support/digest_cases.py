@@ -54,6 +54,9 @@ SHIPPED = {
         "loading.1.duration=0.02",
     ),
     "annular-shear": ("variables.turns=0.02",),
+    "polygons": ("particles.0.count=100", "loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "arch": ("loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "clumps": ("particles.0.count=40", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "biaxial": (
         "variables.side=16", "loading.0.duration=0.015", "loading.0.until.steady.window=4e-3",
         "loading.0.until.steady.after=0.0", "loading.1.until.axial_strain.below=-0.02",
@@ -310,6 +313,9 @@ _LAWS = {
         "region": _region(0.03)},
     "friction-of-flashes": {**_BED, "friction": _FLASHES, "heat": _HEAT},
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
+    "shapes": {**_BED, "packing": '{ kind = "random" }', "friction": _SOFT, "heat": _HEAT,
+        "shape": "thickness = 1e-3\nshape = "
+        '{ kind = "polygon", sides = 5, rounding = 0.1, irregular = 0.3 }'},
     "heat": {**_BED, "heat": _HEAT, "second": "frozen = true\nduration = 20.0\ndt = 0.5"},
     "heat-everything-implicit": {**_BED, "wear": "wear = 1e-4", "heat": _all_heat()},
     "heat-everything-explicit": {**_BED, "heat": _all_heat(integrator="explicit",

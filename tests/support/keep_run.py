@@ -2,9 +2,9 @@
 
 python tests/support/keep_run.py
 
-`tests/data/format-MAJOR.MINOR.tar.xz` holds a scenario with heat and friction that depends on it
-(every dataset of the format), a finished run of it, and one that was killed at step 60 of 75, after
-a checkpoint at step 55.
+`tests/data/format-MAJOR.MINOR.tar.xz` holds a scenario with heat, friction that depends on it and,
+from 1.12 on, grains that are no discs (nearly every dataset of the format), a finished run of it,
+and one that was killed at step 60 of 75, after a checkpoint at step 55.
 """
 
 import os
@@ -38,7 +38,7 @@ def main() -> None:
     socket.gethostname = lambda: "example"
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
-        Path("kept.toml").write_text(CASES["law-friction-of-temperature"].source, encoding="utf-8")
+        Path("kept.toml").write_text(CASES["law-shapes"].source, encoding="utf-8")
         if os.fork() == 0:  # before there are threads
             run("kept.toml", "unfinished", observer=Killed())
         os.wait()
