@@ -61,7 +61,7 @@ def test_finished_runs_are_read(kept):
     info = read_info(kept / "finished")
     assert (info["status"], info["step"]) == ("finished", 75)
     with open_run(kept / "finished") as run:
-        assert run.features - {"motion", "flux"} == {"heat", "softening"}
+        assert run.features - {"motion", "flux", "outlines"} == {"heat", "softening"}
         assert run.frames.step.tolist() == [0, 25, 50, 75]
         assert run.model.grain_count == 120
         assert run.frames[-1].contacts.conductance.any()

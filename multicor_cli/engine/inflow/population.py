@@ -278,7 +278,8 @@ def _put(
     grain: int, place: tuple[float, float], release: Release, model: Model, state: State
 ) -> None:
     x, y = place
-    state.position[grain, :ANGLE] = x - model.period if 0.0 < model.period <= x else x, y
+    angle = 0.0 if model.outlines is None else state.position[grain, ANGLE]
+    state.position[grain] = x - model.period if 0.0 < model.period <= x else x, y, angle
     state.image[grain] = 0
     state.velocity[grain] = release.velocity
     if state.heat.size:
