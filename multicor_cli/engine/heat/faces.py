@@ -82,11 +82,12 @@ def corners_of(model: Model, pieces: Pieces) -> Corners:
     of_piece = np.repeat(np.arange(counts.size), counts)
     before = np.arange(of_piece.size) - 1
     before[pieces.start[:-1]] = pieces.start[1:] - 1
-    after = np.empty_like(before)
+    after = np.empty(before.size, np.int64)
     after[before] = np.arange(before.size)
     edge, normal = pieces.corner[after, :2] - pieces.corner[:, :2], pieces.corner[:, NORMAL_X:]
-    length, turn = np.sqrt((edge * edge).sum(axis=1)), normal - normal[before]
-    square = (turn * turn).sum(axis=1)  # of 2 sin ½δ
+    turn = normal - normal[before]
+    length = np.sqrt(edge[:, X] * edge[:, X] + edge[:, Y] * edge[:, Y])
+    square = turn[:, X] * turn[:, X] + turn[:, Y] * turn[:, Y]  # of 2 sin ½δ
     bends = (counts[of_piece] > 2) & (square > 0.0) & (square < 2.0 * RISE)
     radius = pieces.rounding[of_piece].copy()
     radius[bends] += (0.5 * (length + length[before]))[bends] / np.sqrt(square[bends])
@@ -368,6 +369,11 @@ def _conduct_sides(
         spot[c] = max(spot[c], sqrt(area[c] / pi))
 
 
+def _sums(first: Ints, values: Floats) -> Floats:
+    """Sums of the values that have the same ``first`` row, there, shape ``(c,)``."""
+    return np.asarray(np.bincount(first, values, first.size), np.float64)
+
+
 @dataclass(frozen=True)
 class FacePoints:
     """Where contacts of grains that are no discs touch; ``c`` contacts, of discs too.
@@ -406,7 +412,7 @@ class FacePoints:
         head = np.arange(count, dtype=np.int32)
         is_new = np.ones(count, np.bool_)
         is_new[1:] = (np.diff(i) != 0) | (np.diff(j) != 0)
-        pair = np.maximum.accumulate(np.where(is_new, head, 0)).astype(np.int32)
+        pair = head[is_new][np.cumsum(is_new) - 1]
         table = _Table(
             head, radius.copy(), np.zeros(count, np.bool_), np.zeros(count), np.zeros(count),
             np.zeros((count, 2)), np.full(count, inf), np.zeros((count, 2)),
@@ -442,9 +448,7 @@ class FacePoints:
 
     def per_pair(self, values: Floats) -> Floats:
         """Sums over pairs, at their first contacts, 0 at others, shape ``(c,)``."""
-        found = np.zeros(values.size)
-        np.add.at(found, self.pair, values)
-        return found
+        return _sums(self.pair, values)
 
     def shared(self, of_pairs: Floats, carried: Floats) -> Floats:
         """What pairs have at their first contacts, shared out as ``carried``, shape ``(c,)``."""
@@ -457,8 +461,7 @@ class FacePoints:
         """a* of each place under the forces of its contacts [N], shape ``(c,)``."""
         found, rows = self.radius.copy(), self._shared_rows
         rows = rows[total[rows] > 0.0]
-        weighted = np.zeros(force.size)
-        np.add.at(weighted, self.head[rows], force[rows] * self.radius[rows])
+        weighted = _sums(self.head, force * self.radius)
         found[rows] = weighted[self.head[rows]] / total[rows]
         return found
 
