@@ -23,9 +23,17 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
 from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
-from multicor_cli.engine.geometry.outlines import Pieces, place_walls, true_gap
+from multicor_cli.engine.geometry.outlines import (
+    Pieces,
+    are_faces,
+    pieces_met,
+    place_walls,
+    points_within,
+    touch_pieces,
+    true_gap,
+)
 from multicor_cli.engine.geometry.radii import smaller_of
-from multicor_cli.engine.geometry.scene import Scene, place_shapes
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
@@ -292,44 +300,68 @@ def _measure(
 ) -> tuple[Ints, Floats]:
     """Pairs that can be moved: bodies; normal, how far they may still close [m] and 1/W [kg].
 
-    In any list that is complete up to ``near`` [m] the same. A pair with a held body keeps an
-    overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed of
-    both.
+    Each point of grains that are no discs is one: what moves one may undo another. In any list that
+    is complete up to ``near`` [m] the same. A pair with a held body keeps an overlap between
+    ``target`` and ``allowed``: a grain between two held ones could not be freed of both.
     """
-    n, held, strains = scene.radius.size, bodies.held, bodies.strains
-    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 6 if strains else 4))
+    n, held, room = scene.radius.size, bodies.held, i.size
+    if pieces is not None:
+        room = 0
+        for c in range(i.size):
+            is_face = are_faces(pieces, i[c], j[c])
+            room += points_within(scene, pieces, i[c], j[c], near) if is_face else 1
+    pair, frame = np.empty((room, 2), np.int32), np.empty((room, 6 if bodies.strains else 4))
     found = 0
     for c in range(i.size):
         a = bodies.number[i[c]]
         b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
         if a == held and b == held:
             continue
-        gap, nx, ny = true_gap(scene, pieces, i[c], j[c])
-        if gap > near:
+        if pieces is not None and are_faces(pieces, i[c], j[c]):
+            first, last = pieces_met(pieces, scene, j[c])
+            for k in range(pieces.piece[i[c]], pieces.piece[i[c] + 1]):
+                for m in range(first, last):
+                    for point in touch_pieces(pieces, scene, i[c], k, j[c], m):
+                        if point.gap <= near:
+                            found += _enter_row(
+                                scene, bodies, i[c], j[c], a, b, point.gap, point.nx, point.ny,
+                                target, allowed, pair[found], frame[found],
+                            )  # fmt: skip
             continue
-        give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
-            bodies.mobility[a, Y] + bodies.mobility[b, Y]
-        ) * ny * ny
-        if strains:
-            length, cell = scene.radius[i[c]] + scene.radius[j[c]] + gap, bodies.mobility[held + 1]
-            lx, ly = length * nx, length * ny
-            give += cell[XX] * (nx * lx) * (nx * lx) + cell[YY] * (ny * ly) * (ny * ly)
-            give += cell[XY] * (nx * ly) * (nx * ly)
-            frame[found, _LX], frame[found, _LY] = lx, ly
-        if give > 0.0:
-            smaller = smaller_of(scene, i[c], j[c])
-            left = target * smaller
-            if (a == held or b == held) and left < -gap <= allowed * smaller:
-                left = -gap
-            pair[found, FIRST], pair[found, SECOND] = a, b
-            frame[found, NX], frame[found, NY], frame[found, GAP], frame[found, _MASS] = (
-                nx,
-                ny,
-                gap + left,
-                1.0 / give,
-            )
-            found += 1
+        gap, nx, ny = pair_geometry(scene, i[c], j[c])
+        if gap <= near:
+            found += _enter_row(
+                scene, bodies, i[c], j[c], a, b, gap, nx, ny, target, allowed, pair[found],
+                frame[found],
+            )  # fmt: skip
     return pair[:found], frame[:found]
+
+
+@subroutine
+def _enter_row(
+    scene: Scene, bodies: _Bodies, i: int, j: int, a: int, b: int, gap: float, nx: float, ny: float,
+    target: float, allowed: float, pair: Ints, frame: Floats,
+) -> bool:  # fmt: skip
+    """Enter a point of a pair, the bodies a and b; not if neither can move along its normal."""
+    held = bodies.held
+    give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
+        bodies.mobility[a, Y] + bodies.mobility[b, Y]
+    ) * ny * ny
+    if bodies.strains:
+        length, cell = scene.radius[i] + scene.radius[j] + gap, bodies.mobility[held + 1]
+        lx, ly = length * nx, length * ny
+        give += cell[XX] * (nx * lx) * (nx * lx) + cell[YY] * (ny * ly) * (ny * ly)
+        give += cell[XY] * (nx * ly) * (nx * ly)
+        frame[_LX], frame[_LY] = lx, ly
+    if not give > 0.0:
+        return False
+    smaller = smaller_of(scene, i, j)
+    left = target * smaller
+    if (a == held or b == held) and left < -gap <= allowed * smaller:
+        left = -gap
+    pair[FIRST], pair[SECOND] = a, b
+    frame[NX], frame[NY], frame[GAP], frame[_MASS] = nx, ny, gap + left, 1.0 / give
+    return True
 
 
 @formula
