@@ -1,0 +1,409 @@
+"""Grains of any shape against closed forms: blocks, arches, impacts, rolling and rocking."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scene_parts import FLOOR, G, advance, book, copy_of, make_engine, make_model, tally
+from scipy.integrate import quad
+from scipy.optimize import linprog
+from shapes import (
+    POINT,
+    box,
+    disc,
+    on_slope,
+    outlines_of,
+    regular,
+    rod,
+    shaped_engine,
+    shaped_model,
+)
+
+from multicor_cli.engine import Settings
+from multicor_cli.model import ShapeKind
+from multicor_cli.model.shapes import WallBody
+
+SHARP = Settings(tolerance_rms=1e-5, tolerance_max=1e-3, tolerance_energy=1e-4)
+
+
+def line(points, wall=0, **keys):
+    """Shapes of a wall along a line."""
+    body = WallBody.empty((0.0, 0.0), 1.0).with_line(np.asarray(points, float), 0.0, **keys)
+    return [
+        (kind, wall, tuple(numbers))
+        for kind, numbers in zip(body.kind, body.geometry, strict=True)
+    ]
+
+
+# ---- Blocks: sliding, tipping, stacks
+
+
+@pytest.mark.parametrize("rounding", [0.0, 0.05])
+@pytest.mark.parametrize("dt", [1e-2, 1e-3])
+def test_a_block_slides_where_the_slope_is_its_friction(rounding, dt):
+    """tan θ = μ within 0.1 %; beyond it the acceleration is g (sin θ − μ cos θ)."""
+    friction, time = 0.5, 0.5
+    for factor in (0.999, 1.001):
+        gravity = on_slope(factor * friction)
+        block = [(box(1.0 - 2 * rounding, 0.5 - 2 * rounding), rounding)]
+        model = shaped_model([block], friction=friction, gravity=gravity)
+        state = advance(shaped_engine(model, [[0.0, 0.25]], settings=SHARP), dt, round(time / dt))
+        slides = max(0.0, gravity[0] + friction * gravity[1]) * time
+        assert state.velocity[0, 0] == pytest.approx(slides, rel=2e-3, abs=1e-9)
+        assert abs(state.position[0, 2]) < 1e-9
+        assert abs(book(state, "closure")) < 1e-12
+
+
+@pytest.mark.parametrize("dt", [1e-2, 2e-3])
+@pytest.mark.parametrize(("grain", "half", "height"), [
+    ([(box(0.5, 1.0), 0.0)], 0.25, 0.5),
+    ([(box(0.4, 0.9), 0.05)], 0.2, 0.5),  # it stands on the flat part
+    ([(np.array([[-0.2, 0.0]]), 0.5), (np.array([[0.2, 0.0]]), 0.5)], 0.2, 0.5),
+], ids=["sharp", "rounded", "two discs"])  # fmt: skip
+def test_a_block_tips_where_its_weight_leaves_its_base(grain, half, height, dt):
+    """tan θ = b/h within 0.1 %."""
+    for factor, tips in ((0.999, False), (1.001, True)):
+        gravity = on_slope(factor * half / height)
+        model = shaped_model([grain], friction=0.9, gravity=gravity)
+        engine = shaped_engine(model, [[0.0, height]], settings=SHARP)
+        state = advance(engine, dt, round(2.5 / dt))
+        turned = -state.position[0, 2]
+        assert turned > 0.01 if tips else abs(turned) < 1e-4
+
+
+@pytest.mark.parametrize("factor", [0.999, 1.001])
+def test_blocks_overhang_as_far_as_the_harmonic_series(factor):
+    """Block k from the top reaches L/(2k) beyond the one below: 0.1 % less stands, more falls."""
+    count, length, height, dt = 5, 1.0, 0.2, 5e-3
+    reach = np.cumsum(factor * length / (2.0 * np.arange(count, 0, -1)))
+    places = np.column_stack([reach - 0.5 * length, height * (np.arange(count) + 0.5)])
+    table = line([[0.0, -3.0], [0.0, 0.0], [-9.0, 0.0]], kind=ShapeKind.SIDE)
+    model = shaped_model([[(box(length, height), 0.0)]] * count, table, friction=0.7)
+    state = advance(shaped_engine(model, places, settings=SHARP), dt, round(2.5 / dt))
+    turned = np.abs(state.position[:, 2]).max()
+    assert turned > 0.02 if factor > 1.0 else turned < 1e-4
+
+
+# ---- Arches
+
+
+def voussoirs(count, thickness):
+    """Corners of equal voussoirs of a semicircular arch of mean radius 1, from the right."""
+    angle = np.pi * np.arange(count + 1) / count
+    ray = np.column_stack([np.cos(angle), np.sin(angle)])
+    inner, outer = (1.0 - 0.5 * thickness) * ray, (1.0 + 0.5 * thickness) * ray
+    return [
+        np.array([inner[k], outer[k], outer[k + 1], inner[k + 1]]) for k in range(count)
+    ], ray
+
+
+def stands(count, thickness):
+    """Whether thrusts without tension balance the weights, friction without limit (Heyman 1966).
+
+    Joints push at their two ends and shear: a linear program for three balances of each block.
+    """
+    blocks, ray = voussoirs(count, thickness)
+    balance, weight = np.zeros((3 * count, 3 * count + 3)), np.zeros(3 * count)
+    for k, corners in enumerate(blocks):
+        x, y = corners.T
+        cross = x * np.roll(y, -1) - y * np.roll(x, -1)
+        area = cross.sum() / 2.0
+        center = ((corners + np.roll(corners, -1, axis=0)) * cross[:, np.newaxis]).sum(0)
+        center /= 6.0 * area
+        weight[3 * k + 1] = area
+        for joint, sign in ((k, 1.0), (k + 1, -1.0)):
+            along, out = np.array([-ray[joint, 1], ray[joint, 0]]), ray[joint]
+            pushes = [(sign * along, (1.0 - 0.5 * thickness) * out),
+                      (sign * along, (1.0 + 0.5 * thickness) * out), (sign * out, out)]  # fmt: skip
+            for column, (force, at) in enumerate(pushes):
+                arm = at - center
+                balance[3 * k : 3 * k + 3, 3 * joint + column] = (
+                    *force, arm[0] * force[1] - arm[1] * force[0],
+                )  # fmt: skip
+    bounds = [(0.0, None), (0.0, None), (None, None)] * (count + 1)
+    found = linprog(np.zeros(len(bounds)), A_eq=balance, b_eq=weight, bounds=bounds)
+    return found.status == 0
+
+
+def least_thickness(count):
+    low, high = 0.05, 0.2
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stands(count, middle) else (middle, high)
+    return high
+
+
+def arch_after(count, thickness, time, dt=2e-3):
+    """State of an arch on its springings, and how far neighbors have turned against each other."""
+    floor = [line([[side * 0.5, 0.0], [side * 1.5, 0.0]], k) for k, side in enumerate((-1, 1))]
+    blocks, _ = voussoirs(count, thickness)
+    grains = [[(corners, 0.0)] for corners in blocks]
+    model = shaped_model(grains, floor[0] + floor[1], ("left", "right"), friction=1.0)
+    engine = shaped_engine(model, outlines_of(grains)[1], settings=SHARP)
+    for k in range(round(time / dt)):
+        engine.step(dt, k * dt)
+        if np.abs(engine.state.position[:, 2]).max() > 0.02:
+            break
+    angle = engine.state.position[:, 2]
+    return engine.state, np.diff(angle, prepend=0.0, append=0.0)
+
+
+def check_arch(count):
+    """Falls at 0.99 of the least thickness, stands at 1.01; that, and the joints that open."""
+    least = least_thickness(count)
+    state, hinges = arch_after(count, 0.99 * least, 3.0)
+    assert np.abs(state.position[:, 2]).max() > 0.02
+    opened = np.flatnonzero(np.abs(hinges) > 0.1 * np.abs(hinges).max())
+    state, _ = arch_after(count, 1.01 * least, 3.0)
+    assert np.abs(state.position[:, 2]).max() < 1e-3
+    return least, opened
+
+
+def test_an_arch_falls_where_limit_analysis_says():
+    """Eleven voussoirs: hinges at both springings, both haunches and, with no joint there, around
+    the crown; four of the five regions would do, all open by symmetry."""
+    least, opened = check_arch(11)
+    assert least == pytest.approx(0.10459, rel=1e-3)
+    assert opened.tolist() == [0, 2, 5, 6, 9, 11]
+
+
+@pytest.mark.validation
+@pytest.mark.parametrize("count", [20, 31])
+def test_an_arch_of_many_voussoirs(count):
+    """Milankovitch's 0.1075 for as many as one likes."""
+    least, opened = check_arch(count)
+    print(f"{count} voussoirs: least thickness {least:.5f} of the mean radius, joints {opened}")
+    assert least == pytest.approx(0.1075, rel=0.01)
+
+
+# ---- Sliding over flush joints
+
+STEPS_OF_FLOOR = 0.7 * np.arange(-3, 8)
+FLOORS = {
+    "segments": line(np.column_stack([STEPS_OF_FLOOR, np.zeros(11)])),
+    "sides": line(np.column_stack([STEPS_OF_FLOOR, np.zeros(11)])[::-1], kind=ShapeKind.SIDE),
+}
+SLIDERS = {
+    "box": ([(box(1.0, 0.5), 0.0)], 0.25),
+    "rounded box": ([(box(0.9, 0.4), 0.05)], 0.25),
+    "rod": ([(rod(0.6), 0.1)], 0.1),
+    "pentagon": ([(regular(5, 0.4, -0.3 * np.pi), 0.0)], 0.4 * np.cos(0.2 * np.pi)),
+}
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+@pytest.mark.parametrize("name", SLIDERS)
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_flush_joints_of_a_wall_stop_nothing(name, floor, friction):
+    """v = v₀ − μ g t over joints as on a plane; nothing is lifted or turned."""
+    grain, height = SLIDERS[name]
+    dt, time, speed = 4e-3, 1.0, 3.0
+    model = shaped_model([grain], FLOORS[floor], friction=friction)
+    engine = shaped_engine(model, [[0.0, height]], [[speed, 0.0, 0.0]], settings=SHARP)
+    state = advance(engine, dt, round(time / dt))
+    slowed = speed - friction * G * time
+    assert state.velocity[0, 0] == pytest.approx(slowed, rel=1e-5)
+    assert state.position[0, 0] == pytest.approx(0.5 * (speed + slowed) * time, rel=1e-5)
+    assert np.abs(state.velocity[0, 1:]).max() < 1e-5
+    assert abs(state.position[0, 2]) < 1e-6
+
+
+def test_a_disc_among_shapes_rolls_over_flush_joints():
+    """A disc that starts with v₀ rolls at 2 v₀/3, at v₀ − μ g t."""
+    friction, dt = 0.2, 4e-3
+    other = [(box(1.0, 1.0), 0.0)]
+    model = shaped_model([disc(0.3), other], FLOORS["sides"], friction=friction)
+    places, start = [[0.0, 0.3], [-1.2, 0.5]], [[3.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    state = advance(shaped_engine(model, places, start, settings=SHARP), dt, 250)
+    assert state.velocity[0] == pytest.approx([2.0, 0.0, -2.0 / 0.3], abs=1e-6)
+    until = 1.0 / (friction * G)
+    assert state.position[0, 0] == pytest.approx(2.5 * until + 2.0 * (1.0 - until), abs=1e-2)
+
+
+# ---- Rolling and rocking
+
+
+def rimless_wheel(sides, before=2.0, radius=1.0):
+    """Slope on which a regular polygon rolls with this spin before each impact, its mean spin.
+
+    And after how many cycles a deviation from this has gone: each keeps the same share of it.
+
+    About a corner J = I + m R²; an impact without restitution leaves (I + m R² cos 2α)/J of the
+    spin, α = π/n, and between impacts energy is kept (McGeer 1990).
+    """
+    model = shaped_model([[(regular(sides, radius), 0.0)]])
+    mass, inertia = model.grains.mass[0], model.grains.inertia[0]
+    half = np.pi / sides
+    about = inertia + mass * radius**2
+    kept = (inertia + mass * radius**2 * np.cos(2.0 * half)) / about
+    weight = mass * G * radius
+    slope = np.arcsin(before**2 * (1.0 - kept**2) * about / (4.0 * weight * np.sin(half)))
+
+    def spin(angle):
+        gained = 2.0 * weight / about * (np.cos(slope - half) - np.cos(angle + slope))
+        return np.sqrt((kept * before) ** 2 + gained)
+
+    period = quad(lambda angle: 1.0 / spin(angle), -half, half)[0]
+    return slope, 2.0 * half / period, round(4.0 / (1.0 - kept**2))
+
+
+def rolling_spin(sides, slope, mean, settle, dt, cycles=6):
+    """Mean spin over some cycles of a polygon after those that settle it."""
+    half = np.pi / sides
+    gravity = on_slope(np.tan(slope), G)
+    model = shaped_model([[(regular(sides, 1.0, half - 0.5 * np.pi), 0.0)]], friction=10.0,
+                         gravity=gravity)  # fmt: skip
+    start = [[2.0 * np.cos(half), 0.0, -2.0]]
+    engine = shaped_engine(model, [[0.0, np.cos(half)]], start, settings=SHARP)
+    settled = round(settle * 2.0 * half / mean / dt)
+    advance(engine, dt, settled)
+    first, k = engine.state.position[0, 2], settled
+    target = first - 2.0 * half * cycles
+    while engine.state.position[0, 2] > target:
+        before = engine.state.position[0, 2]
+        engine.step(dt, k * dt)
+        k += 1
+    part = (before - target) / (before - engine.state.position[0, 2])
+    return 2.0 * half * cycles / ((k - 1 - settled + part) * dt)
+
+
+@pytest.mark.parametrize("sides", [8, 12])
+def test_a_polygon_rolls_as_a_rimless_wheel(sides):
+    """The limit cycle to first order: an impact costs about a step."""
+    slope, mean, settle = rimless_wheel(sides)
+    errors = [rolling_spin(sides, slope, mean, settle, dt) / mean - 1.0 for dt in (8e-3, 2e-3)]
+    print(errors)
+    assert abs(errors[1]) < 0.015
+    assert 2.5 < errors[0] / errors[1] < 7.0
+
+
+def rocking_period(dt, angle=0.01, radius=1.0, rounding=0.1):
+    """Period of a rod that rocks on a disc, and of small swings in theory."""
+    shapes = [(ShapeKind.DISC, 0, (0.0, 0.0, radius, 0.0))]
+    model = shaped_model([[(rod(2.0), rounding)]], shapes, friction=2.0)
+    gyration = model.grains.inertia[0] / model.grains.mass[0]
+    # Rolled to this side the touching point is radius * angle along its flat side
+    along, out = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    center = (radius + rounding) * out + radius * angle * along
+    engine = shaped_engine(model, [[*center, angle]], settings=SHARP)
+    crossings, k, before = [], 0, angle
+    while len(crossings) < 4:
+        engine.step(dt, k * dt)
+        k += 1
+        now = engine.state.position[0, 2]
+        if before > 0.0 >= now or before <= 0.0 < now:
+            crossings.append((k - now / (now - before)) * dt)
+        before = now
+    rate = np.sqrt(G * (radius - rounding) / (gyration + rounding**2))
+    return 2.0 * (crossings[3] - crossings[0]) / 3.0, 2.0 * np.pi / rate, engine
+
+
+def test_a_rod_rocks_on_a_disc():
+    """ω² = g (R − b)/(k² + b²), half its thickness b, k² = I/m; the error falls as Δt²."""
+    errors = []
+    for dt in (2e-2, 1e-2, 5e-3):
+        period, exact, engine = rocking_period(dt)
+        errors.append(period / exact - 1.0)
+        assert abs(book(engine.state, "closure")) < 1e-12
+    assert abs(errors[2]) < 2e-4
+    assert 3.0 < (errors[1] - errors[0]) / (errors[2] - errors[1]) < 5.5
+
+
+# ---- Impacts
+
+
+@pytest.mark.parametrize("friction", [0.0, 10.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_rod_bounces_off_a_plane(restitution, friction):
+    """Newton's law at the point that touches: p = W⁻¹ (−(1 + e) u_n, −u_t), or its normal part."""
+    angle, dt, rounding = 0.6, 1e-3, 0.1
+    model = shaped_model([[(rod(1.0), rounding)]], restitution=restitution, friction=friction,
+                         gravity=(0.0, 0.0))  # fmt: skip
+    mass, inertia = model.grains.mass[0], model.grains.inertia[0]
+    lever = np.array([-0.5 * np.cos(angle), -0.5 * np.sin(angle) - rounding])
+    before = np.array([0.3, -1.0, 0.4])
+    places = [[0.0, -lever[1] - 0.5 * dt * before[1], angle - 0.5 * dt * before[2]]]
+    engine = shaped_engine(model, places, [before], settings=SHARP)
+    state = advance(engine, dt, 1)
+    # Rows n = (0, 1), t = (1, 0)... of velocities at the point
+    rows = np.array([[0.0, 1.0, lever[0]], [1.0, 0.0, -lever[1]]])
+    masses = np.diag([1.0 / mass, 1.0 / mass, 1.0 / inertia])
+    wanted = -(rows @ before) * (1.0 + restitution, 1.0)
+    if friction:
+        impulse = np.linalg.solve(rows @ masses @ rows.T, wanted)
+        assert abs(impulse[1]) < friction * impulse[0]
+    else:
+        impulse = np.array([wanted[0] / (rows @ masses @ rows.T)[0, 0], 0.0])
+    after = before + masses @ rows.T @ impulse
+    assert state.velocity[0] == pytest.approx(after, abs=1e-9)
+    assert abs(book(state, "closure")) < 1e-12
+    kinetic = 0.5 * np.array([mass, mass, inertia]) @ np.array([before, after]).T ** 2
+    lost = book(state, "impact_loss") + book(state, "friction_loss")
+    assert kinetic[0] - kinetic[1] == pytest.approx(lost, abs=1e-12)
+    if not friction:
+        assert lost >= -1e-12
+
+
+def test_a_dumbbell_is_struck_at_one_end():
+    """p = (1 + e) v/(1/m + 1/M + l²/I) of a disc that flies into one of its two discs."""
+    restitution, dt, arm = 0.6, 1e-3, 0.8
+    dumbbell = [(np.array([[0.0, -arm]]), 0.3), (np.array([[0.0, arm]]), 0.3)]
+    model = shaped_model([dumbbell, disc(0.2)], (), (), restitution=restitution, friction=0.0,
+                         gravity=(0.0, 0.0))  # fmt: skip
+    m, other = model.grains.mass
+    assert m == pytest.approx(2.0 * np.pi * 0.09)
+    inertia = model.grains.inertia[0]
+    assert inertia == pytest.approx(m * (0.5 * 0.09 + arm**2))
+    places = [[0.0, 0.0], [-0.5 - 0.5 * dt, arm]]
+    state = advance(
+        shaped_engine(model, places, [[0.0] * 3, [1.0, 0.0, 0.0]], settings=SHARP), dt, 1
+    )
+    impulse = (1.0 + restitution) / (1.0 / m + 1.0 / other + arm**2 / inertia)
+    assert state.velocity[0] == pytest.approx(
+        [impulse / m, 0.0, -impulse * arm / inertia], abs=1e-9
+    )
+    assert state.velocity[1, 0] == pytest.approx(1.0 - impulse / other, abs=1e-9)
+
+
+def test_a_clump_turns_freely():
+    """It keeps its velocity and its spin, and its corners go around with it."""
+    grain = [(np.array([[0.0, 0.0]]), 0.3), (rod(1.0), 0.1), (box(0.3, 0.8), 0.0)]
+    model = shaped_model([grain], (), (), gravity=(0.0, 0.0))
+    state = advance(shaped_engine(model, [[0.0, 0.0]], [[1.0, -0.5, 3.0]]), 1e-2, 100)
+    assert state.position[0] == pytest.approx([1.0, -0.5, 3.0], abs=1e-12)
+    assert state.velocity[0].tolist() == [1.0, -0.5, 3.0]
+
+
+def test_a_disc_laid_on_itself_rolls_as_one():
+    """A clump of the same disc twice has two points where one has one: a = g sin θ/(1 + I/(m r²))."""
+    gravity = on_slope(0.5)
+    model = shaped_model([[(POINT, 0.5), (POINT, 0.5)]], friction=0.8, gravity=gravity)
+    assert model.grains.mass[0] == pytest.approx(np.pi * 0.25)
+    state = advance(shaped_engine(model, [[0.0, 0.5]], settings=SHARP), 2e-3, 200)
+    speed = gravity[0] / 1.5 * 0.4
+    assert state.velocity[0] == pytest.approx([speed, 0.0, -speed / 0.5], abs=1e-6)
+
+
+# ---- Discs stay what they are
+
+
+def test_outlines_that_are_discs_have_the_bits_of_discs():
+    """A rounded polygon with one corner: a bed that falls, rolls and bounces, bit by bit."""
+    rng = np.random.default_rng(2)
+    radius = rng.uniform(0.3, 0.45, 24)
+    k = np.arange(24)
+    places = np.column_stack([k % 8 + 0.5 + 0.05 * rng.random(24), 0.5 + 0.95 * (k // 8)])
+    discs = make_model(radius, FLOOR, period=8.0, friction=0.4)
+    outlines, _, _ = outlines_of([disc(r) for r in radius])
+    assert outlines.is_disc.all()
+    assert (outlines.radius == radius).all()
+    shaped = replace(discs, outlines=outlines)
+    start = rng.normal(0.0, 1.0, (24, 3))
+    one = make_engine(discs, places, start)
+    other = make_engine(shaped, places, start)
+    for k in range(150):
+        one.step(5e-3, k * 5e-3)
+        other.step(5e-3, k * 5e-3)
+    for name, value in one.state.as_dict().items():
+        if name != "contact_point":
+            assert np.array_equal(value, other.state.as_dict()[name], equal_nan=True), name
