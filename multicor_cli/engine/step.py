@@ -796,8 +796,8 @@ class Engine:
 
         ``cutoff`` is one that no pair closes by moving on, with the velocities of ``bodies``.
         """
-        model = self._layout.model
-        if self._layout.pieces is None:
+        model, pieces = self._layout.model, self._layout.pieces
+        if pieces is None or not pieces.is_face.any():
             return 0.0
         count, reach = model.grain_count, model.grains.radius / model.spin_radius
         turning = float(np.abs(bodies[:count, SURFACE] * reach).max(initial=0.0))
