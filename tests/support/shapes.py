@@ -9,6 +9,7 @@ from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.model import State
 from multicor_cli.model.measures import measure
 from multicor_cli.model.outlines import Outlines
+from multicor_cli.model.shapes import WallBody
 
 POINT = np.zeros((1, 2))
 
@@ -78,6 +79,13 @@ def shaped_engine(model, places, velocities=None, *, settings=None, drives=None,
     engine = Engine(model, state, threads=threads)
     engine.begin(Orders(drives, settings or Settings()))
     return engine
+
+
+def wall_line(points, wall=0, period=0.0, **keys):
+    """Shapes of a wall along a line, for `shaped_model`; more as for `WallBody.with_line`."""
+    body = WallBody.empty((0.0, 0.0), 1.0).with_line(np.asarray(points, float), period, **keys)
+    numbers = zip(body.kind, body.geometry, strict=True)
+    return [(kind, wall, tuple(four)) for kind, four in numbers]
 
 
 def on_slope(tangent, gravity=9.81):

@@ -1,12 +1,8 @@
 """Points at which pieces with corners touch each other and walls, against plain distances."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
-from shapes import box, convex, disc, regular, rod, shaped_model
+from shapes import box, convex, disc, regular, rod, shaped_model, wall_line
 
 from multicor_cli.engine.geometry.outlines import (
     pieces_of,
@@ -17,7 +13,7 @@ from multicor_cli.engine.geometry.outlines import (
     turned,
 )
 from multicor_cli.engine.geometry.scene import scene_of
-from multicor_cli.model.shapes import ShapeKind, WallBody
+from multicor_cli.model.shapes import ShapeKind
 
 SIDES = (1, 2, 3, 4, 5, 7, 20)
 TINY = 1e-12
@@ -40,6 +36,14 @@ class Placed:
 def core(pieces, piece, place=(0.0, 0.0)):
     """Corners of a piece in the world."""
     return pieces.corner[pieces.start[piece] : pieces.start[piece + 1], :2] + place[:2]
+
+
+def lever_i(point):
+    return np.array([point.i_x, point.i_y])
+
+
+def lever_j(point):
+    return np.array([point.j_x, point.j_y])
 
 
 def edges(corners):
@@ -81,7 +85,7 @@ def core_distance(one, other):
 def is_at_corner(point, a, b, pieces):
     """Whether a point of pieces a and b is over the corner that it names."""
     on_a = pieces.start[a] <= point.corner < pieces.start[a + 1]
-    piece, lever, side = (a, (point.i_x, point.i_y), 1) if on_a else (b, (point.j_x, point.j_y), -1)
+    piece, lever, side = (a, lever_i(point), 1.0) if on_a else (b, lever_j(point), -1.0)
     reach = pieces.rounding[piece] * side * np.array([point.nx, point.ny])
     return pieces.corner[point.corner, :2] == pytest.approx(lever + reach, abs=TINY)
 
@@ -111,7 +115,7 @@ def test_gaps_are_distances_and_points_lie_on_both_surfaces():
         assert first.gap == pytest.approx(distance - radii, abs=TINY)
         normal = np.array([first.nx, first.ny])
         assert np.hypot(*normal) == pytest.approx(1.0, abs=TINY)
-        on_i, on_j = d + (first.i_x, first.i_y), np.array([first.j_x, first.j_y])
+        on_i, on_j = d + lever_i(first), lever_j(first)
         assert true_gap(scene, pieces, 0, 1) == (first.gap, first.nx, first.ny)
         if distance <= 0.0:
             deep += 1
@@ -183,7 +187,7 @@ def test_flush_boxes_touch_at_both_ends_of_what_they_share(rounding):
         pieces, _ = boxes.at((*d, turn), (0.0, 0.0, turn))
         points = touch(pieces, 0, 1, *d.tolist())
         back = np.array([[c, s], [-s, c]])
-        ends = sorted((back @ (d + (p.i_x, p.i_y)))[0] for p in points if p.gap < np.inf)
+        ends = sorted((back @ (d + lever_i(p)))[0] for p in points if p.gap < np.inf)
         expected = [max(offset - 0.5, -0.3), min(offset + 0.5, 0.3)]
         assert ends == pytest.approx(expected, abs=1e-11), (k, offset, turn)
         for point in points:
@@ -265,7 +269,7 @@ def test_points_follow_small_steps(sides):
                      if p.gap < np.inf]  # fmt: skip
             for point in points:
                 if point.gap < first.gap + 5e-3:
-                    here = place[:2] + (point.i_x, point.i_y)
+                    here = place[:2] + lever_i(point)
                     assert min(np.hypot(*(here - there)) for there in known) < 0.1
         closest = min(closest, abs(first.gap))
         before = place, points
@@ -284,18 +288,8 @@ SHAPES = {
 }
 
 
-def shapes_of(body):
-    return [(kind, 0, tuple(numbers)) for kind, numbers in zip(body.kind, body.geometry,
-                                                               strict=True)]  # fmt: skip
-
-
-def line_shapes(points, period=0.0, **keys):
-    body = WallBody.empty((0.0, 0.0), 1.0).with_line(np.asarray(points, float), period, **keys)
-    return shapes_of(body)
-
-
-SHAPES["line"] = line_shapes(LINE)
-SHAPES["triangle"] = line_shapes(TRIANGLE, kind=ShapeKind.SIDE, is_closed=True)
+SHAPES["line"] = wall_line(LINE)
+SHAPES["triangle"] = wall_line(TRIANGLE, kind=ShapeKind.SIDE, is_closed=True)
 
 
 def from_wall(corners, name):
@@ -345,11 +339,11 @@ def test_gaps_of_walls_are_distances(name, wall):
                 first = min(points, key=lambda point: point.gap)
                 assert first.gap == pytest.approx(away - rounding, abs=TINY)
                 for point in points:
-                    on_i = place[:2] + (point.i_x, point.i_y)
-                    on_j = np.array(wall[:2]) + (point.j_x, point.j_y)
+                    on_i = place[:2] + lever_i(point)
+                    on_j = wall[:2] + lever_j(point)
                     normal = np.array([point.nx, point.ny])
                     assert on_i - on_j == pytest.approx(point.gap * normal, abs=1e-11)
-                surface = from_core(place[:2] + (first.i_x, first.i_y), core(pieces, 0, place))
+                surface = from_core(place[:2] + lever_i(first), core(pieces, 0, place))
                 assert surface == pytest.approx(rounding, abs=1e-11)
     assert apart > 50
 
@@ -358,7 +352,7 @@ def test_gaps_of_walls_are_distances(name, wall):
 @pytest.mark.parametrize("kind", [ShapeKind.SEGMENT, ShapeKind.SIDE])
 def test_a_box_on_a_line_of_flush_pieces_has_upright_points_only(kind, rounding):
     """At its two corners, and at the corners of the wall below it; anywhere along the line."""
-    floor = line_shapes(np.column_stack([0.3 * np.arange(-9, 10), np.zeros(19)]), kind=kind)
+    floor = wall_line(np.column_stack([0.3 * np.arange(-9, 10), np.zeros(19)]), kind=kind)
     grain = Placed([[(box(1.0, 0.5), rounding)]], floor)
     for x in np.append(np.random.default_rng(7).uniform(-1.0, 1.0, 200), [0.0, 0.2, -0.1, 0.5]):
         pieces, scene = grain.at((x, 0.25 + rounding, 0.0))
@@ -374,25 +368,19 @@ def test_a_box_on_a_line_of_flush_pieces_has_upright_points_only(kind, rounding)
 def test_images_touch_as_the_grains_would():
     """A pair, and a grain with a line, across the period; walls may have moved many periods."""
     rng, period = np.random.default_rng(8), 8.0
-    floor = line_shapes([[0.0, 0.0], [3.5, 0.4], [8.0, 0.0]], period)
-    grains = [[(convex(rng, 5, 0.9), 0.05)], [(rod(1.0), 0.2)]]
-    pair = Placed(grains, floor, period)
+    floor = wall_line([[0.0, 0.0], [3.5, 0.4], [8.0, 0.0]], period=period)
+    pair = Placed([[(convex(rng, 5, 0.9), 0.05)], [(rod(1.0), 0.2)]], floor, period)
     for _ in range(100):
-        a = np.array([rng.uniform(0.0, period), rng.uniform(0.3, 2.0), rng.uniform(0.0, 7.0)])
-        b = np.array([*(a[:2] + rng.uniform(-2.0, 2.0, 2)), rng.uniform(0.0, 7.0)])
-        points = []
+        a = np.append(rng.uniform((0.0, 0.3), (period, 2.0)), rng.uniform(0.0, 7.0))
+        b = np.append(a[:2] + rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 7.0))
+        found = []
         for images, wall in ((0, 0), (1, 0), (-1, 0), (0, 5)):
-            where = b + (images * period, 0.0, 0.0)
-            pieces, scene = pair.at(a, where, wall=(wall * period, 0.0, 0.0))
-            touched = touch_pieces(pieces, scene, 0, 0, 1, 1)
-            points.append([*touched, *wall_points(pieces, scene, 0), *wall_points(pieces, scene, 1)])
+            image = b + np.array([images * period, 0.0, 0.0])
+            pieces, scene = pair.at(a, image, wall=(wall * period, 0.0, 0.0))
+            points = [*touch_pieces(pieces, scene, 0, 0, 1, 1)]
+            points += [*wall_points(pieces, scene, 0), *wall_points(pieces, scene, 1)]
+            found.append([point[:5] for point in points])
         plain = touch(pieces, 0, 1, *(a - b)[:2].tolist())
-        assert [p.gap for p in points[0][:2]] == pytest.approx([p.gap for p in plain])
-        for k, found in enumerate(points[1:]):
-            assert len(found) == len(points[0])
-            for one, other in zip(points[0], found, strict=True):
-                same = list(other)
-                if k == 2 and other is not found[0] and other is not found[1]:
-                    same[5] += 5 * period - period * np.rint((5 * period + other.j_x - one.j_x)
-                                                             / period)  # fmt: skip
-                assert one[:5] == pytest.approx(other[:5], abs=1e-9)
+        assert found[0][:2] == [point[:5] for point in plain]
+        for other in found[1:]:
+            assert np.array(other) == pytest.approx(np.array(found[0]), abs=1e-9)
