@@ -10,7 +10,8 @@ import pytest
 from scene_parts import book, copy_of, tally
 from shapes import box, convex, disc, regular, rod, shaped_engine, shaped_model, wall_line
 
-from multicor_cli.engine import Engine
+from multicor_cli.engine import Engine, step
+from multicor_cli.engine.contact import solve
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model import ShapeKind
 
@@ -135,15 +136,18 @@ def test_a_run_that_goes_on_from_a_copy_has_the_same_bits(at):
     assert digest(engine.state) == digest(other.state)
 
 
-def test_threads_do_not_matter():
-    """Of the smallest bed in which there are several."""
-    one, _ = any_scene(5, columns=80, rows=51)
-    two = Engine(one.model, copy_of(one.state), threads=2)
-    two.resume(one.orders)
-    assert (one.threads, two.threads) == (1, 2)
-    run(one, 5)
-    run(two, 5)
-    assert digest(one.state) == digest(two.state)
+def test_threads_do_not_matter(monkeypatch):
+    """Parallel sweeps and serial ones."""
+    monkeypatch.setattr(step, "PARALLEL_GRAINS", 1)
+    monkeypatch.setattr(solve, "PARALLEL_FROM", 1)
+    states = []
+    for threads in (1, 2):
+        engine, _ = any_scene(5, threads=threads)
+        assert engine.threads == threads
+        run(engine, 250)
+        states.append(digest(engine.state))
+    assert engine.state.contact_i.size > 15
+    assert states[0] == states[1]
 
 
 INTERPRETED = """
