@@ -1,4 +1,4 @@
-"""Bodies of all kinds, thrown together between walls of all kinds that move: nothing gives way."""
+"""Bodies of all kinds, thrown together between walls of all kinds: nothing gives way."""
 
 import json
 import os
@@ -35,8 +35,8 @@ def any_grain(rng, *, clumps):
     return [(box(1.6 * size, 0.4 * size), 0.0), (box(0.4 * size, 1.6 * size), 0.05 * size)]
 
 
-def any_scene(seed, columns=7, rows=7, threads=1, *, clumps=True):
-    """Grains over a funnel, a paddle that turns and a roller, in a box whose lid presses.
+def any_scene(seed, columns=7, rows=7, threads=1, *, clumps=True, spin=0.0):
+    """Grains over a funnel, a paddle that may turn and a roller, in a box whose lid presses.
 
     What is prescribed leaves room for the largest grain: nothing is crushed.
     """
@@ -68,7 +68,7 @@ def any_scene(seed, columns=7, rows=7, threads=1, *, clumps=True):
         WallDrive(x=DofDrive(velocity=Sine(0.0, 1.0, 0.7)), surface=Constant(0.5)),
         WallDrive(),
         WallDrive(),
-        WallDrive(spin=DofDrive(velocity=Constant(2.0))),
+        WallDrive(spin=DofDrive(velocity=Constant(spin))),
         WallDrive(spin=DofDrive(velocity=Constant(-1.0)), surface=Constant(2.0)),
         WallDrive(y=DofDrive(force=Constant(-30.0 * width))),
     ]
@@ -111,9 +111,9 @@ def test_bodies_of_all_kinds_stay_admissible(seed):
 
 
 @pytest.mark.validation
-@pytest.mark.parametrize(("clumps", "dt", "scenes"), [(False, 4e-3, 52), (True, 2e-3, 26)])
+@pytest.mark.parametrize(("clumps", "dt", "scenes"), [(False, 4e-3, 26), (True, 2e-3, 26)])
 def test_a_million_steps_of_grains(clumps, dt, scenes):
-    """49 bodies in 52 scenes, 10⁶ grain-steps; 10⁶ with clumps in half as many.
+    """49 bodies in 26 scenes: half a million convex ones, a million with clumps.
 
     Clumps want shorter steps: positions are corrected without turning anything, and what is caught
     in a notch can only turn out of it.
