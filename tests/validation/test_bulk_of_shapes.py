@@ -1,7 +1,7 @@
 """Packings of grains of any shape: how dense elongated ones become, how strong pentagons are, and
 polygons with many sides; a row of dominoes.
 
-python -m pytest -m validation tests/validation/test_shapes.py -s
+python -m pytest -m validation tests/validation/test_bulk_of_shapes.py -s
 """
 
 from dataclasses import replace
