@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.vector_sweep import bodies_of
+from multicor_cli.engine.contact.vector_sweep import ResidualSums, bodies_of
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
 from multicor_cli.model.columns import (
@@ -298,30 +298,13 @@ def _measure_batches(
 ) -> list[_Value]:  # fmt: skip
     """As `measure_faces_scalar`."""
     lanes = _Lanes(code, (velocity, pair, block, impulse))
-    one, sums = code.number(1.0), code.keep([code.number(0.0)] * 5)
+    sums = ResidualSums(code)
     with code.each(first, last) as batch:
         p_n, p_t = lanes.impulses(impulse, batch)
         new_n, new_t = lanes.solution(batch, p_n, p_t, *lanes.velocities(batch))
         square, c_n, c_t = lanes.square(batch, new_n - p_n, new_t - p_t)
-        squares, normal, tangential, largest, active = sums.get()
-        is_active = p_n.larger(square).where_positive(one)
-        sums.put(
-            [
-                squares + square,
-                normal + p_n * c_n,
-                tangential + p_t * c_t,
-                square.larger(largest),
-                active + is_active,
-            ]
-        )
-    squares, normal, tangential, largest, active = sums.get()
-    return [
-        code.total(squares),
-        code.total(normal),
-        code.total(tangential),
-        code.largest(largest),
-        code.total(active),
-    ]
+        sums.add(p_n, p_t, c_n, c_t, square)
+    return sums.results()
 
 
 _relax = _relax_batches if HAS_VECTORS else relax_faces_scalar

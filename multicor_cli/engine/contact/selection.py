@@ -396,6 +396,8 @@ class Selection:
 
     def pairs_with(self, overlaps: NDArray[np.bool_]) -> tuple[Ints, Ints]:
         """Those pairs of grains with corners that overlap, shape ``(f,)``, and all others."""
+        if not overlaps.size:
+            return self.pair_i, self.pair_j
         kept = np.ones(self.pair_i.size, np.bool_)
         kept[self.faces.pair] = overlaps
         return self.pair_i[kept], self.pair_j[kept]

@@ -6,7 +6,8 @@ Two kinds of contact, and couples of rolling resistance, relaxed after them:
   is diagonal, W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of
   four that share no body (`multicor_cli.engine.contact.ordering`) and are relaxed as vectors
   (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar` here says what that computes;
-* *general* ones, relaxed serially after the others.
+* *general* ones, relaxed serially after the others; but for points of grains that are no discs,
+  which lie in batches, too (`multicor_cli.engine.contact.face_sweep`).
 """
 
 from __future__ import annotations

@@ -307,6 +307,39 @@ def relax_stretched_batches(
     return [code.total(sweep.squares.get()[0])]
 
 
+class ResidualSums:
+    """What `measure_scalar` returns, over the batches of a loop."""
+
+    def __init__(self, code: Writer) -> None:
+        self._code, self._one = code, code.number(1.0)
+        self._sums = code.keep([code.number(0.0)] * 5)
+
+    def add(self, p_n: Vector, p_t: Vector, c_n: Vector, c_t: Vector, square: Vector) -> None:
+        """Add a batch with these impulses, corrections and their squares."""
+        squares, normal, tangential, largest, active = self._sums.get()
+        is_active = p_n.larger(square).where_positive(self._one)
+        self._sums.put(
+            [
+                squares + square,
+                normal + p_n * c_n,
+                tangential + p_t * c_t,
+                square.larger(largest),
+                active + is_active,
+            ]
+        )
+
+    def results(self) -> list[_Value]:
+        """Sums of the squares and of both powers, the largest square, the number of contacts."""
+        code, (squares, normal, tangential, largest, active) = self._code, self._sums.get()
+        return [
+            code.total(squares),
+            code.total(normal),
+            code.total(tangential),
+            code.largest(largest),
+            code.total(active),
+        ]
+
+
 @vector_loop(results=5)
 def measure_batches(
     code: Writer,
@@ -337,9 +370,8 @@ def _measure(
     stretch: Stretch | None,
 ) -> list[_Value]:  # fmt: skip
     velocity, pair, frame, impulse = arrays
-    zero, one = code.number(0.0), code.number(1.0)
-    turn = one + code.spread(beta)
-    sums = code.keep([zero] * 5)
+    zero = code.number(0.0)
+    turn, sums = code.number(1.0) + code.spread(beta), ResidualSums(code)
     with code.each(first, last) as batch:
         dx, dy, spins, _ = _between(code, velocity, *bodies_of(code, pair, batch))
         if stretch:
@@ -351,26 +383,8 @@ def _measure(
         bound = mu * new_n
         new_t = (p_t - u_t * (w_inverse / turn)).smaller(bound).larger(-bound)
         c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * turn / w_inverse
-        square = c_n * c_n + c_t * c_t
-        squares, normal, tangential, largest, active = sums.get()
-        is_active = p_n.larger(square).where_positive(one)
-        sums.put(
-            [
-                squares + square,
-                normal + p_n * c_n,
-                tangential + p_t * c_t,
-                square.larger(largest),
-                active + is_active,
-            ]
-        )
-    squares, normal, tangential, largest, active = sums.get()
-    return [
-        code.total(squares),
-        code.total(normal),
-        code.total(tangential),
-        code.largest(largest),
-        code.total(active),
-    ]
+        sums.add(p_n, p_t, c_n, c_t, c_n * c_n + c_t * c_t)
+    return sums.results()
 
 
 @vector_loop(results=0)
