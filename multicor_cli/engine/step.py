@@ -239,8 +239,8 @@ class Engine:
             inflow: How grains come and go; None: none does.
 
         Raises:
-            ValueError: If the period is too short for the grains, the model has no heat
-                capacities for the heat, or a cell has grains that are no discs.
+            ValueError: If the period is too short for the grains, or the model has no heat
+                capacities for the heat.
         """
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         largest = float(model.grains.radius.max(initial=0.0))
@@ -251,8 +251,6 @@ class Engine:
                     f"{2.0 * largest:g} m"
                 )
                 raise ValueError(message)
-        if model.is_cell and model.outlines is not None:
-            raise ValueError("grains of a cell that is periodic in both directions must be discs")
         self.model, self.state = model, state
         self.timers = dict.fromkeys(PHASES if heat is None else (*PHASES, "heat"), 0.0)
         self._marked = 0.0

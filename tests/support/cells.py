@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
+from shapes import POINT, box, regular, rod, shaped_model
 
 from multicor_cli.engine import Engine
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
@@ -15,26 +16,45 @@ from multicor_cli.model.state import State
 DT = 0.05
 """√(m/P) is 1 under the pressure 1."""
 
+FACES = [
+    [(regular(5), 0.0)],
+    [(0.7 * box(1.2, 0.9), 0.05)],
+    [(rod(1.2), 0.3)],
+    [(np.array([[0.5, 0.0]]), 0.4), (np.array([[-0.5, 0.0]]), 0.4), (rod(1.0), 0.2)],
+    [(POINT, 1.0)],
+]
+"""Grains of all kinds with a reach of 1 or less: sharp, rounded, a rod, a clump, a disc."""
 
-def make_cell(position, radius, size, *, inertia=1.0, tilt=0.0, **laws):
+
+def make_cell(position, radius, size, *, inertia=1.0, tilt=0.0, grains=None, **laws):
     """Model and state of discs at rest in a cell of this size, ``(2,)``; the rest as `make_model`.
 
-    ``inertia`` is that of the cell over Σ m d̄².
+    ``inertia`` is that of the cell over Σ m d̄². With ``grains`` of pieces they are not discs, and
+    of density 1.
     """
     radius = np.asarray(radius, float)
     mass = 4.0 * radius**2
     of_cell = inertia * mass.sum() * (2.0 * radius.mean()) ** 2
-    model = make_model(
-        radius, walls=("cell",), gravity=(0.0, 0.0), density=4.0 / np.pi, period=size[0],
-        height=size[1], mass=of_cell, inertia=of_cell, length=0.0, **laws,
-    )  # fmt: skip
+    keys = {
+        "walls": ("cell",), "gravity": (0.0, 0.0), "period": size[0], "height": size[1],
+        "mass": of_cell, "inertia": of_cell, "length": 0.0, **laws,
+    }  # fmt: skip
+    if grains:
+        model = shaped_model(grains, (), **keys)
+    else:
+        model = make_model(radius, density=4.0 / np.pi, **keys)
     state = State.at_rest(model, np.asarray(position, float))
     state.wall_position[0] = *size, tilt
     return model, state
 
 
-def loose_cell(count, *, spread=0.2, solid_fraction=0.6, seed=1, shift=(0.0, 0.0), **more):
-    """Discs of sizes ± ``spread``, loosely on the places of a grid that is not quite straight."""
+def loose_cell(
+    count, *, spread=0.2, solid_fraction=0.6, seed=1, shift=(0.0, 0.0), shapes=(), **more
+):
+    """Discs of sizes ± ``spread``, loosely on the places of a grid that is not quite straight.
+
+    Grains of ``shapes``, outlines of a reach of 1, lie within these discs, at any angle.
+    """
     random = np.random.default_rng(seed)
     radius = 0.5 * (1.0 + spread * random.uniform(-1.0, 1.0, count))
     side = np.sqrt(np.pi * (radius**2).sum() / solid_fraction)
@@ -44,7 +64,16 @@ def loose_cell(count, *, spread=0.2, solid_fraction=0.6, seed=1, shift=(0.0, 0.0
     position = random.permutation(position)[:count]
     free = 0.5 * max(side / columns - 2.0 * radius.max(), 0.0)
     position = position + random.uniform(-free, free, (count, 2)) + shift
-    return make_cell(position % side, radius, (side, side), **more)
+    if shapes:
+        of = random.integers(0, len(shapes), count)
+        more["grains"] = [
+            [(a * corners, a * rounding) for corners, rounding in shapes[k]]
+            for k, a in zip(of, radius, strict=True)
+        ]
+    model, state = make_cell(position % side, radius, (side, side), **more)
+    if shapes:
+        state.position[:, 2] = random.uniform(0.0, 2.0 * np.pi, count)
+    return model, state
 
 
 def orders(xx=None, yy=None, xy=None, settings=None):
@@ -78,7 +107,7 @@ def compressed(count, *, duration=30.0, **more):
 
 def solid_fraction(model, state):
     width, height, _ = state.wall_position[0]
-    return float(np.pi * (model.grains.radius**2).sum() / (width * height))
+    return float(model.area.sum() / (width * height))
 
 
 THICKNESS = 0.25

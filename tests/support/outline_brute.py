@@ -33,16 +33,21 @@ def pieces_at(model: Model, state: State, grain: int) -> list[tuple[Floats, floa
     return [(corners @ turn + [x, y], r) for corners, r in model.outlines.pieces(grain)]
 
 
-def smallest_outline_gap(model: Model, state: State) -> float:
-    """Smallest gap of any two grains, and of images of them, by comparing all of them [m]."""
+def smallest_outline_gap(model: Model, state: State, *, relative: bool = False) -> float:
+    """Smallest gap of any two grains, and of images of them, by comparing all of them [m].
+
+    With ``relative`` over the smaller radius of each two.
+    """
     pieces = [pieces_at(model, state, k) for k in range(model.grain_count)]
     shifts = [np.zeros(2)]
-    if model.period:
-        x = np.array([model.period, 0.0])
-        shifts += [x, -x]
+    width, up = model.period, np.zeros(2)
     if model.is_cell:
-        y = np.array([0.0, model.height])
-        shifts += [shift + up for shift in list(shifts) for up in (y, -y)]
+        width, up[1], up[0] = state.wall_position[0]
+    if width:
+        x = np.array([width, 0.0])
+        shifts += [x, -x]
+    if up.any():
+        shifts += [shift + up for shift in list(shifts) for y in (up, -up)]
     radius, center = model.grains.radius, state.position[:, :2]
     worst = np.inf
     for i in range(model.grain_count):
@@ -51,12 +56,8 @@ def smallest_outline_gap(model: Model, state: State) -> float:
             for j in np.flatnonzero(near).tolist():
                 if j == i:
                     continue
-                worst = min(
-                    worst,
-                    *(
-                        gap_of_cores(a, b + shift) - r - q
-                        for a, r in pieces[i]
-                        for b, q in pieces[j]
-                    ),
-                )
+                gaps = [
+                    gap_of_cores(a, b + shift) - r - q for a, r in pieces[i] for b, q in pieces[j]
+                ]
+                worst = min(worst, min(gaps) / (min(radius[i], radius[j]) if relative else 1.0))
     return worst

@@ -38,7 +38,7 @@ def _relax_generals(s: System, before: Before, factor: float) -> float:
     return relax_general(
         s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse,
         before.general_impulse,
-        True, factor,
+        True, factor, s.cell,
     )  # fmt: skip
 
 

@@ -128,7 +128,7 @@ def sweep_backward(s: System, before: Before) -> float:
     total = relax_general(
         s.velocity, s.inverse, s.general_pair[::-1], s.general_frame[::-1], s.general_lever[::-1],
         s.general_impulse[::-1],
-        before.general_impulse[::-1], True, 0.0,
+        before.general_impulse[::-1], True, 0.0, s.cell,
     )  # fmt: skip
     for lane in range(lanes):
         total += relax_lane(
@@ -166,7 +166,15 @@ def spread_impulses(s: System, impulse: Floats, velocity: Floats) -> None:
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = impulse[k + g, NORMAL], impulse[k + g, TANGENTIAL]
         push_general(
-            g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
+            g,
+            d_n,
+            d_t,
+            velocity,
+            s.inverse,
+            s.general_pair,
+            s.general_frame,
+            s.general_lever,
+            s.cell,
         )
 
 
@@ -192,7 +200,9 @@ def gather_velocities(s: System, velocity: Floats, with_bias: bool, relative: Fl
             relative[k, TANGENTIAL] = dy * nx - dx * ny - flat[i + SURFACE_] - flat[j + SURFACE_]
             k += 1
     for g in range(s.general_pair.shape[0]):
-        u_n, u_t = general_velocity(g, velocity, s.general_pair, s.general_frame, s.general_lever)
+        u_n, u_t = general_velocity(
+            g, velocity, s.general_pair, s.general_frame, s.general_lever, s.cell
+        )
         relative[k + g, NORMAL] = u_n - (0.0 if with_bias else s.general_frame[g, BIAS])
         relative[k + g, TANGENTIAL] = u_t
 

@@ -457,19 +457,19 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
         body = j if j < count else count + scene.wall[j - count]
         s_i, s_j = after[i, SURFACE], after[body, SURFACE]
         dx, dy = after[i, X] - after[body, X], after[i, Y] - after[body, Y]
-        belt = 0.0 if j < count else after[body, BELT]
-        return (
-            dx * nx + dy * ny + s_i * contact.turn_in - s_j * contact.turn_jn,
-            dy * nx - dx * ny + s_i * contact.turn_it - s_j * contact.turn_jt - belt,
-        )
-    if j < count:
+        u_n = dx * nx + dy * ny + s_i * contact.turn_in - s_j * contact.turn_jn
+        u_t = dy * nx - dx * ny + s_i * contact.turn_it - s_j * contact.turn_jt
+        if j >= count:
+            return u_n, u_t - after[body, BELT]
+    elif j < count:
         u_n, u_t = relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
-        if scene.height > 0.0:
-            more_n, more_t = stretch_along(after, count, contact.lever_x, contact.lever_y, nx, ny)
-            u_n, u_t = u_n + more_n, u_t + more_t
-        return u_n, u_t
-    body = count + scene.wall[j - count]
-    return relative_velocity(after, i, body, nx, ny, True, contact.lever_x, contact.lever_y)
+    else:
+        body = count + scene.wall[j - count]
+        return relative_velocity(after, i, body, nx, ny, True, contact.lever_x, contact.lever_y)
+    if scene.height > 0.0:
+        more_n, more_t = stretch_along(after, count, contact.lever_x, contact.lever_y, nx, ny)
+        u_n, u_t = u_n + more_n, u_t + more_t
+    return u_n, u_t
 
 
 # ---- Rolling resistance: what it is in a step, and where its couples stand (theory §3.2)

@@ -18,7 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.vector_sweep import ResidualSums, bodies_of
+from multicor_cli.engine.contact.vector_sweep import (
+    BRANCH_ROWS,
+    MovingStretch,
+    ResidualSums,
+    Stretch,
+    bodies_of,
+)
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
 from multicor_cli.model.columns import (
@@ -36,6 +42,9 @@ from multicor_cli.model.columns import (
     W_NN,
     W_NT,
     W_TT,
+    XX,
+    XY,
+    YY,
     X,
     Y,
 )
@@ -52,12 +61,14 @@ class FaceBatches(NamedTuple):
     Attributes:
         pair: Bodies: four times their rows, shape ``(q, 2, 4)``.
         block: What a sweep needs, shape ``(q, ROWS, 4)``.
+        branch: Branch vectors ℓ [m], shape ``(q, 2, 4)``; no batches where there is no cell.
         tile_start: First batch of each tile, shape ``(tiles + 1,)``.
         first: Row of the first of them among the general contacts.
     """
 
     pair: Ints
     block: Floats
+    branch: Floats
     tile_start: NDArray[np.int64]
     first: int
 
@@ -83,11 +94,12 @@ def _solution(
 
 @loop_body
 def _velocity(
-    q: int, lane: int, velocity: Floats, pair: Ints, block: Floats
+    q: int, lane: int, velocity: Floats, pair: Ints, block: Floats, more_x: float, more_y: float
 ) -> tuple[float, float]:
-    """u_n + b and u_t [m/s]; ``velocity`` flat."""
+    """u_n + b and u_t [m/s], with what a gradient adds to velocities; ``velocity`` flat."""
     i, j = pair[q, FIRST, lane], pair[q, SECOND, lane]
-    dx, dy = velocity[i + X] - velocity[j + X], velocity[i + Y] - velocity[j + Y]
+    dx = velocity[i + X] - velocity[j + X] + more_x
+    dy = velocity[i + Y] - velocity[j + Y] + more_y
     s_i, s_j = velocity[i + SURFACE], velocity[j + SURFACE]
     nx, ny = block[q, NX, lane], block[q, NY, lane]
     u_n = dx * nx + dy * ny + (s_i * block[q, A_N, lane] - s_j * block[q, B_N, lane])
@@ -106,18 +118,28 @@ def _square(q: int, lane: int, block: Floats, d_n: float, d_t: float) -> tuple[f
 @loop_body
 def relax_faces_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
-    before: Floats, beta: float, extrapolation: float,
+    before: Floats, beta: float, extrapolation: float, branch: Floats, own: Floats,
 ) -> float:  # fmt: skip
     """Relax batches ``first … last-1``; returns Σ of corrections² [m²/s²], over each lane first.
 
-    ``impulse`` and ``before`` have a row for each lane.
+    ``impulse`` and ``before`` have a row for each lane. In a cell ``branch`` (flat) and ``own`` are
+    as in `relax_stretched_scalar`; else they are empty.
     """
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    has_cell, zero = branch.size > 0, (0.0, 0.0, 0.0)
+    now = (own[XX], own[YY], own[XY]) if has_cell else zero
+    late = later = whole = zero
     for q in range(first, last):
+        pulled = zero
         for lane in range(LANES):
             g = LANES * q + lane
             i, j = pair[q, FIRST, lane], pair[q, SECOND, lane]
-            u_n, u_t = _velocity(q, lane, velocity, pair, block)
+            lx, ly, more_x, more_y = 0.0, 0.0, -0.0, -0.0  # −0: adding it changes no bit
+            if has_cell:
+                place = LANES * BRANCH_ROWS * q + lane
+                lx, ly = branch[place], branch[place + LANES]
+                more_x, more_y = now[XX] * lx + now[XY] * ly, now[YY] * ly
+            u_n, u_t = _velocity(q, lane, velocity, pair, block, more_x, more_y)
             now_n, now_t = impulse[g, NORMAL], impulse[g, TANGENTIAL]
             p_n = now_n + extrapolation * (now_n - before[g, NORMAL])
             p_t = now_t + extrapolation * (now_t - before[g, TANGENTIAL])
@@ -138,21 +160,40 @@ def relax_faces_scalar(
             velocity[j + SURFACE] -= m_j * s_j
             # Each lane for itself: the sums take turns
             a, b, c, d = b, c, d, a + _square(q, lane, block, d_n, d_t)[0]
+            pulled = pulled[XX] + px * lx, pulled[YY] + py * ly, pulled[XY] + px * ly
+        if has_cell:
+            now = (
+                now[XX] + own[LANES + XX] * late[XX], now[YY] + own[LANES + YY] * late[YY],
+                now[XY] + own[LANES + XY] * late[XY],
+            )  # fmt: skip
+            late, later = later, pulled
+            whole = whole[XX] + pulled[XX], whole[YY] + pulled[YY], whole[XY] + pulled[XY]
+    if has_cell:
+        own[2 * LANES + XX], own[2 * LANES + YY], own[2 * LANES + XY] = whole
     return a + b + c + d
 
 
 @loop_body
 def measure_faces_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats
-) -> tuple[float, float, float, float, float]:
-    """Residuals of batches, as `measure_scalar` has them; arrays as `relax_faces_scalar`."""
+    first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
+    branch: Floats, xx: float, yy: float, xy: float,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """Residuals of batches, as `measure_scalar` has them; arrays as `relax_faces_scalar`.
+
+    (xx, yy, xy) is the gradient of a cell [1/s].
+    """
     squares, normal, tangential, largest, active = 0.0, 0.0, 0.0, 0.0, 0.0
     for lane in range(LANES):
         lane_squares, lane_normal, lane_tangential = 0.0, 0.0, 0.0
         for q in range(first, last):
             g = LANES * q + lane
             p_n, p_t = impulse[g, NORMAL], impulse[g, TANGENTIAL]
-            u_n, u_t = _velocity(q, lane, velocity, pair, block)
+            more_x, more_y = -0.0, -0.0
+            if branch.size:
+                place = LANES * BRANCH_ROWS * q + lane
+                lx, ly = branch[place], branch[place + LANES]
+                more_x, more_y = xx * lx + xy * ly, yy * ly
+            u_n, u_t = _velocity(q, lane, velocity, pair, block, more_x, more_y)
             new_n, new_t = _solution(q, lane, block, p_n, p_t, u_n, u_t)
             square, c_n, c_t = _square(q, lane, block, new_n - p_n, new_t - p_t)
             lane_squares += square
@@ -174,8 +215,10 @@ _Value = Any  # of LLVM
 class _Lanes:
     """Velocities, law and pushes of batches of points."""
 
-    def __init__(self, code: Writer, arrays: Sequence[_Value]) -> None:
-        self.code = code
+    def __init__(
+        self, code: Writer, arrays: Sequence[_Value], stretch: Stretch | None = None
+    ) -> None:
+        self.code, self.stretch = code, stretch
         self.velocity, self.pair, self.block, self.impulse = arrays
         self.zero = code.number(0.0)
 
@@ -189,6 +232,8 @@ class _Lanes:
             self.block, batch, ROWS, NX, NY, BIAS, SLIDE, A_N, A_T, B_N, B_T
         )
         dx, dy = xi - xj, yi - yj
+        if self.stretch:
+            dx, dy = self.stretch.add(batch, dx, dy)
         u_n = dx * nx + dy * ny + (si * a_n - sj * b_n)
         u_t = dy * nx - dx * ny + (si * a_t - sj * b_t)
         return [u_n + bias, u_t - slide]
@@ -231,9 +276,11 @@ class _Sweep(_Lanes):
     """Three stages, as those of contacts between discs (`vector_sweep._Sweep`)."""
 
     def __init__(
-        self, code: Writer, arrays: Sequence[_Value], before: _Value, beta: _Value, ahead: _Value
-    ) -> None:
-        super().__init__(code, arrays)
+        self, code: Writer, arrays: Sequence[_Value], before: _Value, beta: _Value, ahead: _Value,
+        moving: MovingStretch | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(code, arrays, moving)
+        self.moving = moving
         self.before, self.beta, self.ahead = before, code.spread(beta), code.spread(ahead)
         self.squares = code.keep([self.zero])
 
@@ -249,10 +296,10 @@ class _Sweep(_Lanes):
         (squares,) = self.squares.get()
         self.squares.put([squares + self.square(batch, d_n, d_t)[0]])
         nx, ny, a_n, a_t, b_n, b_t = code.block(self.block, batch, ROWS, NX, NY, A_N, A_T, B_N, B_T)
-        return [
-            d_n * nx - d_t * ny, d_n * ny + d_t * nx, self.beta * (d_n * a_n + d_t * a_t),
-            self.beta * (d_n * b_n + d_t * b_t),
-        ]  # fmt: skip
+        px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
+        if self.moving:
+            self.moving.pull(batch, px, py)
+        return [px, py, self.beta * (d_n * a_n + d_t * a_t), self.beta * (d_n * b_n + d_t * b_t)]
 
     def apply(self, batch: _Value, px: Vector, py: Vector, s_i: Vector, s_j: Vector) -> None:
         """Change the velocities of the bodies, one by one."""
@@ -291,24 +338,96 @@ def _relax_batches(
     return [code.total(sweep.squares.get()[0])]
 
 
+@vector_loop(results=1)
+def _relax_stretched_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, block: _Value,
+    impulse: _Value, before: _Value, beta: _Value, extrapolation: _Value, branch: _Value,
+    own: _Value,
+) -> list[_Value]:  # fmt: skip
+    """The same in a cell."""
+    moving = MovingStretch(code, branch, own)
+    sweep = _Sweep(code, (velocity, pair, block, impulse), before, beta, extrapolation, moving)
+    sweep.over(first, last)
+    moving.finish()
+    return [code.total(sweep.squares.get()[0])]
+
+
 @vector_loop(results=5)
 def _measure_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, block: _Value,
     impulse: _Value,
 ) -> list[_Value]:  # fmt: skip
     """As `measure_faces_scalar`."""
-    lanes = _Lanes(code, (velocity, pair, block, impulse))
+    return _measured(code, first, last, _Lanes(code, (velocity, pair, block, impulse)))
+
+
+@vector_loop(results=5)
+def _measure_stretched_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, block: _Value,
+    impulse: _Value, branch: _Value, xx: _Value, yy: _Value, xy: _Value,
+) -> list[_Value]:  # fmt: skip
+    """The same in a cell."""
+    stretch = Stretch(code, branch, (xx, yy, xy))
+    return _measured(code, first, last, _Lanes(code, (velocity, pair, block, impulse), stretch))
+
+
+def _measured(code: Writer, first: _Value, last: _Value, lanes: _Lanes) -> list[_Value]:
     sums = ResidualSums(code)
     with code.each(first, last) as batch:
-        p_n, p_t = lanes.impulses(impulse, batch)
+        p_n, p_t = lanes.impulses(lanes.impulse, batch)
         new_n, new_t = lanes.solution(batch, p_n, p_t, *lanes.velocities(batch))
         square, c_n, c_t = lanes.square(batch, new_n - p_n, new_t - p_t)
         sums.add(p_n, p_t, c_n, c_t, square)
     return sums.results()
 
 
-_relax = _relax_batches if HAS_VECTORS else relax_faces_scalar
-_measure = _measure_batches if HAS_VECTORS else measure_faces_scalar
+@loop_body
+def _relax_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
+    before: Floats, beta: float, extrapolation: float,
+) -> float:  # fmt: skip
+    none = velocity[:0]
+    return relax_faces_scalar(
+        first, last, velocity, pair, block, impulse, before, beta, extrapolation, none, none
+    )
+
+
+@loop_body
+def _measure_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats
+) -> tuple[float, float, float, float, float]:
+    return measure_faces_scalar(
+        first, last, velocity, pair, block, impulse, velocity[:0], 0.0, 0.0, 0.0
+    )
+
+
+_relax = _relax_batches if HAS_VECTORS else _relax_scalar
+_relax_stretched = _relax_stretched_batches if HAS_VECTORS else relax_faces_scalar
+_measure = _measure_batches if HAS_VECTORS else _measure_scalar
+_measure_stretched = _measure_stretched_batches if HAS_VECTORS else measure_faces_scalar
+
+
+# ---- The gradient of a cell, which all contacts share
+
+
+@loop_body
+def begin_gradient(gradient: Floats, inverse: Floats, tiles: int, own: Floats) -> None:
+    """Give a tile the gradient as it was before its color, into its row of ``own``, **modified**.
+
+    It moves it on by itself, as if the other tiles of its color did the same: together they must
+    not do too much. ``gradient`` and ``inverse`` are its row of the velocities and of the inverse
+    masses, ``tiles`` are those of the color.
+    """
+    for d in range(3):
+        own[d], own[LANES + d] = gradient[d], tiles * inverse[d]
+
+
+@kernel
+def end_gradient(first: int, last: int, gradient: Floats, inverse: Floats, own: Floats) -> None:
+    """Move the gradient on by what tiles ``first … last-1`` have done to it."""
+    for t in range(first, last):
+        for d in range(3):
+            gradient[d] += inverse[d] * own[t, 2 * LANES + d]
 
 
 # ---- All of them
@@ -316,60 +435,88 @@ _measure = _measure_batches if HAS_VECTORS else measure_faces_scalar
 
 @loop_body
 def _relax_tile(
-    t: int, faces: FaceBatches, velocity: Floats, impulse: Floats, before: Floats, beta: float,
-    extrapolation: float,
+    t: int, tiles: int, faces: FaceBatches, velocity: Floats, impulse: Floats, before: Floats,
+    beta: float, extrapolation: float, gradient: Floats, inverse: Floats, own: Floats,
 ) -> float:  # fmt: skip
+    """Relax one of the ``tiles`` of a color; the rest as in `relax_faces`."""
+    first, last = faces.tile_start[t], faces.tile_start[t + 1]
+    if faces.branch.size:
+        begin_gradient(gradient, inverse, tiles, own[t])
+        return _relax_stretched(
+            first, last, velocity, faces.pair, faces.block, impulse, before, beta, extrapolation,
+            faces.branch.reshape(-1), own[t],
+        )  # fmt: skip
     return _relax(
-        faces.tile_start[t], faces.tile_start[t + 1], velocity, faces.pair, faces.block, impulse,
-        before, beta, extrapolation,
-    )  # fmt: skip
+        first, last, velocity, faces.pair, faces.block, impulse, before, beta, extrapolation
+    )
 
 
 @threaded_loop
 def _relax_on_threads(
-    color_start: NDArray[np.int64], faces: FaceBatches, velocity: Floats, impulse: Floats,
-    before: Floats, beta: float, extrapolation: float, partial: Floats,
+    first: int, last: int, faces: FaceBatches, velocity: Floats, impulse: Floats, before: Floats,
+    beta: float, extrapolation: float, gradient: Floats, inverse: Floats, own: Floats,
+    partial: Floats,
 ) -> None:  # fmt: skip
-    for color in range(color_start.size - 1):
-        for t in prange(color_start[color], color_start[color + 1]):
-            partial[t] = _relax_tile(t, faces, velocity, impulse, before, beta, extrapolation)
+    for t in prange(first, last):
+        partial[t] = _relax_tile(
+            t, last - first, faces, velocity, impulse, before, beta, extrapolation, gradient,
+            inverse, own,
+        )  # fmt: skip
 
 
 @kernel
 def relax_faces(
     faces: FaceBatches | None, color_start: NDArray[np.int64], velocity: Floats, impulse: Floats,
     before: Floats, beta: float, extrapolation: float, parallel: bool, partial: Floats,
+    gradient: Floats, inverse: Floats, own: Floats,
 ) -> float:  # fmt: skip
     """Relax all batches; returns Σ of corrections² [m²/s²], the same on any number of threads.
 
-    ``impulse`` and ``before`` are those of all general contacts.
+    ``impulse`` and ``before`` are those of all general contacts. In a cell ``gradient`` and
+    ``inverse`` are its row of the velocities and of the inverse masses, ``own`` as in `CellTerms`.
     """
     if faces is None:
         return 0.0
-    impulse, before, first = impulse[faces.first :], before[faces.first :], 0
-    if parallel:
-        _relax_on_threads(
-            color_start, faces, velocity, impulse, before, beta, extrapolation, partial
-        )
-        first = color_start[-1]
-    for t in range(first, faces.tile_start.size - 1):
-        partial[t] = _relax_tile(t, faces, velocity, impulse, before, beta, extrapolation)
+    impulse, before = impulse[faces.first :], before[faces.first :]
+    colors, tiles = color_start.size - 1, faces.tile_start.size - 1
+    for color in range(colors + 1):  # and the tile after the last
+        first, last = color_start[color], color_start[color + 1] if color < colors else tiles
+        if parallel and color < colors:
+            _relax_on_threads(
+                first, last, faces, velocity, impulse, before, beta, extrapolation, gradient,
+                inverse, own, partial,
+            )  # fmt: skip
+        else:
+            for t in range(first, last):
+                partial[t] = _relax_tile(
+                    t, last - first, faces, velocity, impulse, before, beta, extrapolation,
+                    gradient, inverse, own,
+                )  # fmt: skip
+        if faces.branch.size:
+            end_gradient(first, last, gradient, inverse, own)
     total = 0.0
-    for t in range(faces.tile_start.size - 1):
+    for t in range(tiles):
         total += partial[t]
     return total
 
 
 @kernel
 def measure_faces(
-    faces: FaceBatches | None, velocity: Floats, impulse: Floats
+    faces: FaceBatches | None, velocity: Floats, impulse: Floats, row: int
 ) -> tuple[float, float, float, float, float]:
-    """Residuals of all batches, as `measure_faces_scalar`; none has any."""
+    """Residuals of all batches, as `measure_faces_scalar`; none has any.
+
+    ``row`` is that of the gradient of a cell.
+    """
     if faces is None:
         return 0.0, 0.0, 0.0, 0.0, 0.0
-    return _measure(
-        0, faces.pair.shape[0], velocity, faces.pair, faces.block, impulse[faces.first :]
-    )
+    count, impulse = faces.pair.shape[0], impulse[faces.first :]
+    if faces.branch.size:
+        return _measure_stretched(
+            0, count, velocity, faces.pair, faces.block, impulse, faces.branch.reshape(-1),
+            velocity[4 * row + XX], velocity[4 * row + YY], velocity[4 * row + XY],
+        )  # fmt: skip
+    return _measure(0, count, velocity, faces.pair, faces.block, impulse)
 
 
 @kernel

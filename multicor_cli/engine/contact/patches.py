@@ -361,8 +361,10 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
         else:
             g = c - lanes
             u_n, u_t = general_velocity(
-                g, s.velocity, s.general_pair, s.general_frame, s.general_lever
+                g, s.velocity, s.general_pair, s.general_frame, s.general_lever, s.cell
             )
+            if s.cell.general.size:
+                patch.branch[k] = s.cell.general[g]
             patch.normal[k, X], patch.normal[k, Y] = s.general_frame[g, NX], s.general_frame[g, NY]
             patch.friction[k] = s.general_frame[g, MU]
             for row, direction in ((k, NORMAL), (t, TANGENTIAL)):
@@ -438,7 +440,7 @@ def _delassus(patch: _Patch, s: System) -> Floats:
                             matrix[row, column] += (
                                 _row(row, side, d, patch) * m * _row(column, other, d, patch)
                             )
-            for d in range(3 if s.cell.branch.size else 0):
+            for d in range(3 if s.cell.own.size else 0):
                 m = s.inverse[s.cell.row, d]
                 matrix[row, column] += _pulled(row, d, patch) * m * _pulled(column, d, patch)
     return matrix
@@ -530,8 +532,9 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
             g = c - lanes
             s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = p_n, p_t
             push_general(
-                g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
-            )
+                g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame,
+                s.general_lever, s.cell,
+            )  # fmt: skip
     for r in range(patch.couple.size):
         row, couple = 2 * count + r, patch.couple[r]
         s.couples.impulse[couple] = new[row]

@@ -164,7 +164,9 @@ def _measure_chunks(
 @loop_body
 def measure_general(g: int, s: System) -> tuple[float, float, float, bool]:
     """As `measure_lane`, for a general contact."""
-    u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
+    u_n, u_t = general_velocity(
+        g, s.velocity, s.general_pair, s.general_frame, s.general_lever, s.cell
+    )
     p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
     new_n, new_t = general_solution(g, s.general_frame, p_n, p_t, u_n, u_t, True)
     c_n, c_t = correction(g, s.general_frame, new_n - p_n, new_t - p_t)
@@ -206,7 +208,7 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         largest = max(largest, partial[chunk, _LARGEST])
         active += partial[chunk, _ACTIVE]
     normal, tangential = 0.0, 0.0
-    of_faces = measure_faces(s.faces, velocity, s.general_impulse)
+    of_faces = measure_faces(s.faces, velocity, s.general_impulse, s.cell.row)
     squares += of_faces[_SQUARES]
     energy += abs(of_faces[_NORMAL]) + abs(of_faces[_TANGENTIAL])
     largest = max(largest, of_faces[_LARGEST])

@@ -17,7 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.face_sweep import FaceBatches, first_of_batches, relax_faces
+from multicor_cli.engine.contact.face_sweep import (
+    FaceBatches,
+    begin_gradient,
+    end_gradient,
+    first_of_batches,
+    relax_faces,
+)
 from multicor_cli.engine.contact.law import (
     predict_and_correct,
     solve_bipotential,
@@ -204,6 +210,29 @@ def measure_couples(
 # loops take single numbers out of arrays, never rows.
 
 
+class CellTerms(NamedTuple):
+    """The velocity gradient of a cell in a `System`: the last body that has inverse masses.
+
+    All contacts share it: u = c_i − c_j + L ℓ, and an impulse p changes L by p ⊗ ℓ over its inertia
+    (theory §2.1). Its row of the velocities is L_xx, L_yy, L_xy, 0 [1/s].
+
+    Attributes:
+        branch: ℓ of the diagonal contacts [m], shape ``(q, 2, 4)``; no batches where there is no
+            cell.
+        general: That of the general contacts, shape ``(g, 2)``; no rows where there is no cell.
+        row: Row of the gradient.
+        own: Work space of each tile, ``own`` of `relax_stretched_scalar`, shape ``(tiles, 12)``.
+    """
+
+    branch: Floats
+    general: Floats
+    row: int
+    own: Floats
+
+
+NO_CELL = CellTerms(np.empty((0, 2, LANES)), np.empty((0, 2)), 0, np.empty((0, 3 * LANES)))
+
+
 @loop_body
 def push_general(
     g: int,
@@ -214,6 +243,7 @@ def push_general(
     pair: Ints,
     frame: Floats,
     lever: Floats,
+    cell: CellTerms,
 ) -> None:
     """Change the velocities of the two bodies of a contact by an impulse. Arrays as in `System`."""
     nx, ny = frame[g, NX], frame[g, NY]
@@ -229,16 +259,25 @@ def push_general(
     velocity[j, SURFACE] -= inverse[j, SPIN] * (
         d_n * lever[g, SECOND, NORMAL] + d_t * lever[g, SECOND, TANGENTIAL]
     )
+    if cell.general.size:
+        lx, ly, row = cell.general[g, X], cell.general[g, Y], cell.row
+        velocity[row, XX] += inverse[row, XX] * (px * lx)
+        velocity[row, YY] += inverse[row, YY] * (py * ly)
+        velocity[row, XY] += inverse[row, XY] * (px * ly)
 
 
 @loop_body
 def general_velocity(
-    g: int, velocity: Floats, pair: Ints, frame: Floats, lever: Floats
+    g: int, velocity: Floats, pair: Ints, frame: Floats, lever: Floats, cell: CellTerms
 ) -> tuple[float, float]:
     """u_n + b and u_t of a contact [m/s]. Arrays as in `System`."""
     i, j = pair[g, FIRST], pair[g, SECOND]
     nx, ny = frame[g, NX], frame[g, NY]
     dx, dy = velocity[i, X] - velocity[j, X], velocity[i, Y] - velocity[j, Y]
+    if cell.general.size:
+        lx, ly, row = cell.general[g, X], cell.general[g, Y], cell.row
+        dx += velocity[row, XX] * lx + velocity[row, XY] * ly
+        dy += velocity[row, YY] * ly
     a, b = velocity[i, SURFACE], velocity[j, SURFACE]
     u_n = dx * nx + dy * ny + a * lever[g, FIRST, NORMAL] - b * lever[g, SECOND, NORMAL]
     u_t = dy * nx - dx * ny + a * lever[g, FIRST, TANGENTIAL] - b * lever[g, SECOND, TANGENTIAL]
@@ -269,8 +308,7 @@ def correction(g: int, frame: Floats, d_n: float, d_t: float) -> tuple[float, fl
 @loop_body
 def relax_general(
     velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
-    before: Floats,
-    is_exact: bool, extrapolation: float,
+    before: Floats, is_exact: bool, extrapolation: float, cell: CellTerms,
 ) -> float:  # fmt: skip
     """Relax all general contacts, extrapolated first; returns Σ of corrections² [m²/s²]."""
     total = 0.0
@@ -278,13 +316,13 @@ def relax_general(
         now_n, now_t = impulse[g, NORMAL], impulse[g, TANGENTIAL]
         p_n = now_n + extrapolation * (now_n - before[g, NORMAL])
         p_t = now_t + extrapolation * (now_t - before[g, TANGENTIAL])
-        u_n, u_t = general_velocity(g, velocity, pair, frame, lever)
+        u_n, u_t = general_velocity(g, velocity, pair, frame, lever, cell)
         new_n, new_t = general_solution(g, frame, p_n, p_t, u_n, u_t, is_exact)
         impulse[g, NORMAL], impulse[g, TANGENTIAL] = new_n, new_t
         before[g, NORMAL], before[g, TANGENTIAL] = now_n, now_t
         d_n, d_t = new_n - p_n, new_t - p_t
         if d_n != 0.0 or d_t != 0.0:
-            push_general(g, d_n, d_t, velocity, inverse, pair, frame, lever)
+            push_general(g, d_n, d_t, velocity, inverse, pair, frame, lever, cell)
             c_n, c_t = correction(g, frame, d_n, d_t)
             total += c_n * c_n + c_t * c_t
     return total
@@ -306,26 +344,6 @@ class Relaxation(NamedTuple):
     normal: float
     tangential: float
     extrapolation: float
-
-
-class CellTerms(NamedTuple):
-    """The velocity gradient of a cell in a `System`: the last body that has inverse masses.
-
-    All contacts share it: u = c_i − c_j + L ℓ, and an impulse p changes L by p ⊗ ℓ over its inertia
-    (theory §2.1). Its row of the velocities is L_xx, L_yy, L_xy, 0 [1/s].
-
-    Attributes:
-        branch: ℓ of the contacts [m], shape ``(q, 2, 4)``; no batches where there is no cell.
-        row: Row of the gradient.
-        own: Work space of each tile, ``own`` of `relax_stretched_scalar`, shape ``(tiles, 12)``.
-    """
-
-    branch: Floats
-    row: int
-    own: Floats
-
-
-NO_CELL = CellTerms(np.empty((0, 2, LANES)), 0, np.empty((0, 3 * LANES)))
 
 
 class System(NamedTuple):
@@ -559,16 +577,8 @@ def _relax_stretched(
     before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, gradient: Floats,
     inverse: Floats, tiles: int, own: Floats,
 ) -> float:  # fmt: skip
-    """Relax a tile of a cell.
-
-    It begins with the gradient as it was before its color and moves it on by itself, as if the
-    other tiles of its color did the same: together they must not do too much.
-
-    ``gradient`` and ``inverse`` are the row of the gradient and its inverse masses, ``tiles`` are
-    those of the color, and ``own`` is as in `relax_stretched_scalar`.
-    """
-    for d in range(3):
-        own[d], own[LANES + d] = gradient[d], tiles * inverse[d]
+    """Relax a tile of a cell; arguments as `begin_gradient` and `relax_stretched_scalar`."""
+    begin_gradient(gradient, inverse, tiles, own)
     if local == EXACT:
         return _relax_exact_stretched(
             first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
@@ -577,14 +587,6 @@ def _relax_stretched(
     return relax_stretched_scalar(
         first, last, velocity, pair, frame, impulse, before, beta, local, way, branch, own
     )
-
-
-@kernel
-def _pull_cell(first: int, last: int, gradient: Floats, inverse: Floats, own: Floats) -> None:
-    """Move the gradient on by what tiles ``first … last-1`` have done to it."""
-    for t in range(first, last):
-        for d in range(3):
-            gradient[d] += inverse[d] * own[t, 2 * LANES + d]
 
 
 @loop_body
@@ -621,7 +623,7 @@ def _relax_tiles_on_threads(
                     local, way,
                 )  # fmt: skip
         if branch.size:
-            _pull_cell(color_start[color], color_start[color + 1], gradient, inverse, own)
+            end_gradient(color_start[color], color_start[color + 1], gradient, inverse, own)
 
 
 @kernel
@@ -640,7 +642,7 @@ def _relax_cell(
                 tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
                 local, way, branch, gradient, inverse, end - begin, own[t],
             )  # fmt: skip
-        _pull_cell(begin, end, gradient, inverse, own)
+        end_gradient(begin, end, gradient, inverse, own)
 
 
 @kernel
@@ -688,12 +690,12 @@ def sweep(
         alone = first_of_batches(s.faces, alone)
     total += relax_general(
         s.velocity, s.inverse, s.general_pair[:alone], s.general_frame, s.general_lever,
-        s.general_impulse, before.general_impulse, local == EXACT, way.extrapolation,
+        s.general_impulse, before.general_impulse, local == EXACT, way.extrapolation, s.cell,
     )  # fmt: skip
     if local == EXACT:
         total += relax_faces(
             s.faces, s.color_start, velocity, s.general_impulse, before.general_impulse, beta,
-            way.extrapolation, parallel, partial,
+            way.extrapolation, parallel, partial, gradient, inverse, s.cell.own,
         )  # fmt: skip
     return total + relax_couples(
         s.velocity,
@@ -794,7 +796,8 @@ def add_impulses(s: System) -> None:
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
         push_general(
-            g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
-        )
+            g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever,
+            s.cell,
+        )  # fmt: skip
     for c in range(s.couples.impulse.size):
         push_couple(c, s.couples.impulse[c], s.couples, s.velocity, s.inverse)

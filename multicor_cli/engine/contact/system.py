@@ -403,8 +403,19 @@ def _add_faces(
         np.concatenate([others[2], of_points[2], lever]),
         np.concatenate([others[3], of_points[3], impulse]),
     )
-    faces = FaceBatches(block_pair, block, schedule.face_start, first)
-    return np.concatenate([alone, record]), faces, rows
+    points, branch = np.concatenate([alone, record]), NO_CELL.branch
+    if scene.height > 0.0:
+        branch = _blocks(_branches(contacts, record))
+    faces = FaceBatches(block_pair, block, branch, schedule.face_start, first)
+    return points, faces, rows
+
+
+def _branches(contacts: Contacts, points: Ints) -> Floats:
+    """Branch vectors ℓ of records [m], shape ``(g, 2)``; zeros where there is none."""
+    known = contacts[np.maximum(points, 0)]
+    branch = np.column_stack([known["lever_x"], known["lever_y"]])
+    branch[points < 0] = 0.0
+    return branch
 
 
 def assemble(
@@ -432,6 +443,10 @@ def assemble(
     points, faces = _NO_POINTS, None
     if schedule.face_slot.size or schedule.face_rest.size:
         points, faces, others = _add_faces(scene, contacts, schedule, belt, inverse, others)
+    cell = NO_CELL
+    if scene.height > 0.0:
+        own = np.zeros((schedule.tile_start.size - 1, 3 * LANES))
+        cell = CellTerms(schedule.branch, _branches(contacts, points), place.size, own)
     system = System(
         velocity, inverse, slot, schedule.pair, schedule.frame, schedule.impulse,
         schedule.tile_start, schedule.color_start,
@@ -439,9 +454,7 @@ def assemble(
         pack_couples(scene, contacts, belt, slot, general, place, inverse)
         if has_couples
         else NO_COUPLES,
-        CellTerms(schedule.branch, place.size, np.zeros((schedule.tile_start.size - 1, 3 * LANES)))
-        if scene.height > 0.0
-        else NO_CELL,
+        cell,
         faces,
     )  # fmt: skip
     add_impulses(system)

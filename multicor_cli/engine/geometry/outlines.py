@@ -27,7 +27,18 @@ from multicor_cli.engine.geometry.scene import (
     shortest,
 )
 from multicor_cli.engine.jit.compile import kernel, subroutine
-from multicor_cli.model.columns import ANGLE, RADIUS, SURFACE, TAIL_X, TAIL_Y, X, Y
+from multicor_cli.model.columns import (
+    ANGLE,
+    RADIUS,
+    SURFACE,
+    TAIL_X,
+    TAIL_Y,
+    XX,
+    XY,
+    YY,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import ShapeKind
@@ -501,6 +512,14 @@ def fastest_points(scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: in
     if j < count:
         vx, vy = vx - velocity[j, X], vy - velocity[j, Y]
         theirs = velocity[j, SURFACE] / pieces.spin[j] * scene.radius[j]
+        if scene.height > 0.0:  # as the gradient of a cell carries them apart
+            dx, dy = shortest(
+                scene.position[i, X] - scene.position[j, X],
+                scene.position[i, Y] - scene.position[j, Y],
+                scene.period, scene.height, scene.tilt,
+            )  # fmt: skip
+            vx += velocity[count, XX] * dx + velocity[count, XY] * dy
+            vy += velocity[count, YY] * dy
         return float(sqrt(vx * vx + vy * vy) + abs(turning) * scene.radius[i] + abs(theirs))
     # As the wall sees it, whose points turn around the center of the grain
     wall = scene.wall[j - count]

@@ -33,7 +33,7 @@ from multicor_cli.engine.geometry.outlines import (
     true_gap,
 )
 from multicor_cli.engine.geometry.radii import smaller_of
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes, shortest
 from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
@@ -325,13 +325,13 @@ def _measure(
                         if point.gap <= near:
                             found += _enter_row(
                                 scene, bodies, i[c], j[c], a, b, point.gap, point.nx, point.ny,
-                                target, allowed, pair[found], frame[found],
+                                False, target, allowed, pair[found], frame[found],
                             )  # fmt: skip
             continue
         gap, nx, ny = pair_geometry(scene, i[c], j[c])
         if gap <= near:
             found += _enter_row(
-                scene, bodies, i[c], j[c], a, b, gap, nx, ny, target, allowed, pair[found],
+                scene, bodies, i[c], j[c], a, b, gap, nx, ny, True, target, allowed, pair[found],
                 frame[found],
             )  # fmt: skip
     return pair[:found], frame[:found]
@@ -340,7 +340,7 @@ def _measure(
 @subroutine
 def _enter_row(
     scene: Scene, bodies: _Bodies, i: int, j: int, a: int, b: int, gap: float, nx: float, ny: float,
-    target: float, allowed: float, pair: Ints, frame: Floats,
+    are_discs: bool, target: float, allowed: float, pair: Ints, frame: Floats,
 ) -> bool:  # fmt: skip
     """Enter a point of a pair, the bodies a and b; not if neither can move along its normal."""
     held = bodies.held
@@ -350,6 +350,12 @@ def _enter_row(
     if bodies.strains:
         length, cell = scene.radius[i] + scene.radius[j] + gap, bodies.mobility[held + 1]
         lx, ly = length * nx, length * ny
+        if not are_discs:
+            lx, ly = shortest(
+                scene.position[i, X] - scene.position[j, X],
+                scene.position[i, Y] - scene.position[j, Y],
+                scene.period, scene.height, scene.tilt,
+            )  # fmt: skip
         give += cell[XX] * (nx * lx) * (nx * lx) + cell[YY] * (ny * ly) * (ny * ly)
         give += cell[XY] * (nx * ly) * (nx * ly)
         frame[_LX], frame[_LY] = lx, ly

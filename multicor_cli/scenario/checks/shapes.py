@@ -22,8 +22,6 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
 
 def _of_discs(tables: PartialScenario, materials: set[str]) -> Iterator[tuple[KeyPath, str]]:
     """Where the scenario asks for it, and what it is; ``materials`` are those of the grains."""
-    if tables.is_cell:
-        yield ("domain", "periodic"), "motion in a cell that is periodic in both directions"
     for k, entry in given(tables.contacts):
         if entry.rolling_friction:
             what = f"rolling resistance of {entry.rolling_friction:g}"

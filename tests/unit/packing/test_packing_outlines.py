@@ -38,6 +38,7 @@ SHAPES = {
     "corners": CORNER,
 }
 SIZES = {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3}
+NO_WEIGHT = {"gravity": [0.0, 0.0]}
 
 
 def made(shape=PENTAGON, packing=None, sizes=SIZES, size=0.03, **said):
@@ -65,15 +66,22 @@ def refused(*args, **said):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize(("fill", "kind"), [(0.2, "box"), (0.6, "box"), (0.6, "period")])
+@pytest.mark.parametrize(
+    ("fill", "kind"), [(0.2, "box"), (0.6, "box"), (0.6, "period"), (0.6, "cell")]
+)
 def test_fill_is_reached_without_overlap(name, fill, kind):
-    model, state = made(SHAPES[name], fill=fill, domain={"periodic": kind == "period"})
+    domain = {
+        "box": {},
+        "period": {"periodic": True},
+        "cell": {"periodic": ["x", "y"], **NO_WEIGHT},
+    }
+    model, state = made(SHAPES[name], fill=fill, domain=domain[kind])
     assert model.area.sum() == pytest.approx(fill * 0.03**2, rel=0.01)
     assert smallest_outline_gap(model, state) >= -1e-12
     for grain in range(model.grain_count):
         for corners, r in pieces_at(model, state, grain):
             low, high = corners.min(axis=0) - r, corners.max(axis=0) + r
-            axes = {"box": [0, 1], "period": [1]}[kind]
+            axes = {"box": [0, 1], "period": [1], "cell": []}[kind]
             assert (low[axes] > -1e-9).all()
             assert (high[axes] < 0.03 + 1e-9).all()
 
@@ -415,13 +423,17 @@ def test_walls_cut_grains_that_overlap_them_and_no_others(name, wall, tmp_path):
     assert min(seen) < -1e-3 < max(seen)
 
 
-def test_images_overlap_across_the_sides_of_a_period(tmp_path):
-    side, domain = math.sqrt(2) * 1e-3, {"periodic": True}
-    first, second = (0.495 * side, 0.01, 1e-3, 0.0), (0.03 - 0.495 * side, 0.01)
-    grains = rows(tmp_path, first, (*second, 1e-3, 0.0))
-    assert "grains overlap at the start" in refused(SQUARE, domain=domain, **grains)
-    grains = rows(tmp_path, first, (second[0] - 0.011 * side, second[1], 1e-3, 0.0))
-    made(SQUARE, domain=domain, **grains)
+def test_images_overlap_across_the_sides_of_a_period_and_of_a_cell(tmp_path):
+    side = math.sqrt(2) * 1e-3
+    for domain, second in (
+        ({"periodic": True}, (0.03 - 0.495 * side, 0.01)),
+        ({"periodic": ["x", "y"], **NO_WEIGHT}, (0.03 - 0.495 * side, 0.03 - 0.1 * side)),
+    ):
+        pair = [(0.495 * side, 0.01 if domain["periodic"] is True else 0.3 * side, 1e-3, 0.0)]
+        grains = rows(tmp_path, *pair, (*second, 1e-3, 0.0))
+        assert "grains overlap at the start" in refused(SQUARE, domain=domain, **grains)
+        grains = rows(tmp_path, *pair, (second[0] - 0.011 * side, second[1], 1e-3, 0.0))
+        made(SQUARE, domain=domain, **grains)
 
 
 # ---- Grains of other runs

@@ -99,7 +99,6 @@ GLASS = {
 
 # tables beside the group, key, words
 NOT_YET = {
-    "cell": ({"domain": {"size": [0.1, 0.1], "periodic": ["x", "y"], "gravity": [0.0, 0.0]}, "walls": []}, "domain.periodic", "motion in a cell"),
     "rolling": ({"contacts": [{"friction": 0.4, "rolling_friction": 0.1}]}, "contacts.0.rolling_friction", "rolling resistance of 0.1"),
     "adhesion": ({"contacts": [{"adhesion": 1e-5}]}, "contacts.0.adhesion", "adhesion of 1e-05 N"),
     "impacts": ({"heat": {"collisional": True}}, "heat.collisional", "conduction in an impact"),

@@ -14,7 +14,7 @@ from multicor_cli.engine.contact import residual, sweep, vector_sweep
 from multicor_cli.engine.contact.acceleration import extrapolate_scalar
 from multicor_cli.engine.contact.ordering import SPACING, make_batches
 from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
-from multicor_cli.engine.contact.sweep import EXACT, Before, CellTerms, Relaxation, System
+from multicor_cli.engine.contact.sweep import EXACT, NO_CELL, Before, CellTerms, Relaxation, System
 from multicor_cli.engine.contact.system import OneByOne, batch, by_slot, flatten
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
@@ -203,7 +203,9 @@ def in_cell(system, seed=5):
     """The same with branch vectors; the first body is its gradient too."""
     branch = np.random.default_rng(seed).normal(size=(len(system.slot), 2, LANES))
     branch *= (system.slot >= 0)[:, np.newaxis]
-    return system._replace(cell=CellTerms(branch, 0, np.zeros((len(system.tile_start) - 1, 12))))
+    return system._replace(
+        cell=CellTerms(branch, NO_CELL.general, 0, np.zeros((len(system.tile_start) - 1, 12)))
+    )
 
 
 @kernel

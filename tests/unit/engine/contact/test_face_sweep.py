@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from multicor_cli.engine.contact import face_sweep, patches
-from multicor_cli.engine.contact.face_sweep import ROWS, relax_faces_scalar
+from multicor_cli.engine.contact.face_sweep import ROWS
 from multicor_cli.engine.contact.law import solve_full
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
@@ -48,20 +48,30 @@ def _points(rng, batches):
 
 
 @kernel
-def _relaxed(last, velocity, pair, block, impulse, before, extrapolation):
-    return face_sweep._relax(0, last, velocity, pair, block, impulse, before, BETA, extrapolation)
+def _relaxed(first, last, velocity, pair, block, impulse, before, beta, ahead, branch, own):
+    if branch.size:
+        return face_sweep._relax_stretched(
+            first, last, velocity, pair, block, impulse, before, beta, ahead, branch, own
+        )
+    return face_sweep._relax(first, last, velocity, pair, block, impulse, before, beta, ahead)
 
 
 @kernel
-def _measured(last, velocity, pair, block, impulse):
-    return face_sweep._measure(0, last, velocity, pair, block, impulse)
+def _measured(first, last, velocity, pair, block, impulse, branch, xx, yy, xy):
+    if branch.size:
+        return face_sweep._measure_stretched(
+            first, last, velocity, pair, block, impulse, branch, xx, yy, xy
+        )
+    return face_sweep._measure(first, last, velocity, pair, block, impulse)
 
 
 def test_the_law_without_branches_is_that_of_the_full_local_problem():
     """One relaxation of free points gives the impulses of the enumeration of all states."""
     velocity, pair, block, rows, impulse = _points(np.random.default_rng(1), 50)
     old, now = impulse.copy(), velocity.copy()
-    relax_faces_scalar(0, len(pair), now.reshape(-1), pair, block, impulse, old.copy(), BETA, 0.0)
+    face_sweep._relax_scalar(
+        0, len(pair), now.reshape(-1), pair, block, impulse, old.copy(), BETA, 0.0
+    )
     found = {"open": 0, "sticks": 0, "slides": 0}
     for g, row in enumerate(rows):
         i, j = pair[g // LANES, :, g % LANES] // 4
@@ -81,12 +91,12 @@ def test_points_that_are_held_keep_their_impulses():
     """Block Gauss–Seidel sweeps over all others; then they are what they were, to the bit."""
     velocity, pair, block, rows, _ = _points(np.random.default_rng(3), 2)
     frame = rows[:, :8].copy()
-    faces = face_sweep.FaceBatches(pair, block.copy(), np.array([0, 2]), 3)
+    faces = face_sweep.FaceBatches(pair, block.copy(), np.empty((0, 2, LANES)), np.array([0, 2]), 3)
     impulse = np.column_stack([np.ones(len(rows)), 0.5 * frame[:, MU]])
     before, general = impulse.copy(), np.concatenate([np.ones((3, 8)), frame])
     held = np.array([1, 3, 8])  # one of them in no batch
     patches._hold_points(faces, general, held, True)
-    relax_faces_scalar(
+    face_sweep._relax_scalar(
         0, 2, velocity.reshape(-1), pair, faces.block, impulse, before.copy(), BETA, 0.0
     )
     stayed = (impulse == before).all(axis=1)
@@ -97,24 +107,27 @@ def test_points_that_are_held_keep_their_impulses():
 
 
 @pytest.mark.skipif(not HAS_VECTORS, reason="nothing is compiled")
-def test_vectors_have_the_bits_of_the_scalar_loop():
+@pytest.mark.parametrize("in_cell", [False, True])
+def test_vectors_have_the_bits_of_the_scalar_loop(in_cell):
     rng = np.random.default_rng(2)
     velocity, pair, block, _, impulse = _points(rng, 40)
     before = impulse * rng.uniform(0.5, 1.5, impulse.shape)
+    branch, gradient = np.empty(0), [0.0, 0.0, 0.0]
+    if in_cell:
+        branch, gradient = rng.normal(size=(40, 2, LANES)).reshape(-1), [0.3, -0.2, 0.5]
     results = []
-    for relax in (_relaxed, None):
+    for relax, measure in (
+        (_relaxed, _measured), (face_sweep.relax_faces_scalar, face_sweep.measure_faces_scalar)
+    ):  # fmt: skip
         now, p, last = velocity.copy().reshape(-1), impulse.copy(), before.copy()
-        sums = []
-        for extrapolation in (0.0, 0.7, 0.3):
-            if relax:
-                sums.append(relax(len(pair), now, pair, block, p, last, extrapolation))
-            else:
-                sums.append(
-                    relax_faces_scalar(0, len(pair), now, pair, block, p, last, BETA, extrapolation)
-                )
-        results.append((sums, now, p, last))
+        own = np.array([*gradient, 0.0, 0.01, 0.02, 0.03, 0.0, *4 * [0.0]])
+        sums = [
+            relax(0, len(pair), now, pair, block, p, last, BETA, ahead, branch, own)
+            for ahead in (0.0, 0.7, 0.3)
+        ]
+        residuals = measure(0, len(pair), now, pair, block, p, branch, *gradient)
+        results.append((sums, now, p, last, own, residuals))
+        assert residuals[-1] > LANES
+        assert own[2 * LANES :].any() == in_cell
     for vectors, scalars in zip(*results, strict=True):
         np.testing.assert_array_equal(vectors, scalars)
-    residuals = _measured(len(pair), now, pair, block, p)
-    assert residuals == face_sweep.measure_faces_scalar(0, len(pair), now, pair, block, p)
-    assert residuals[-1] > LANES

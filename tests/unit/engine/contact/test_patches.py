@@ -240,7 +240,15 @@ def pushed(s, velocity, impulse, general):
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, 0] - general[g, 0], s.general_impulse[g, 1] - general[g, 1]
         sweep.push_general(
-            g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
+            g,
+            d_n,
+            d_t,
+            velocity,
+            s.inverse,
+            s.general_pair,
+            s.general_frame,
+            s.general_lever,
+            s.cell,
         )
 
 
