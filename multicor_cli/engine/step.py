@@ -405,7 +405,7 @@ class Engine:
         if self._laws.adhesion.size:
             free = free.copy()
             everyone = np.arange(self._layout.model.grain_count, dtype=np.int32)
-            attract(scene, contacts, everyone, inverse, free)
+            attract(scene, contacts, everyone, inverse, self.model.shape_factor, free)
         return problem_of_step(scene, contacts, free, inverse, self.model.shape_factor), start
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
@@ -801,7 +801,8 @@ class Engine:
             return 0.0
         count, reach = model.grain_count, model.grains.radius / model.spin_radius
         turning = float(np.abs(bodies[:count, SURFACE] * reach).max(initial=0.0))
-        return max(cutoff + 2.0 * AHEAD * step.dt * turning, NEAREST * model.mean_diameter)
+        far = max(cutoff + 2.0 * AHEAD * step.dt * turning, NEAREST * model.mean_diameter)
+        return max(far, longest_reach(self._laws))
 
     # ---- Its contacts
 
@@ -880,11 +881,15 @@ class Engine:
             warm = WarmStart(row, state.contact_j, state.contact_couple)
             if laws.adhesion.size:
                 bridges = bridge_rows(state, layout.model.grain_count)
-                begin_attraction(scene, laws, contacts, i, j, start, *bridges, dt)
+                begin_attraction(scene, laws, contacts, i, j, start, *bridges, dt, selection.faces)
                 scatter_impulses(contacts, lanes.slot, lanes.impulse)
-                attract(scene, contacts, lanes.place, self._motion.inverse, lanes.velocity)
+                attract(
+                    scene, contacts, lanes.place, self._motion.inverse, layout.model.shape_factor,
+                    lanes.velocity,
+                )  # fmt: skip
             if laws.rolling.size:
                 begin_rolling(scene, laws, start, warm, ratio, contacts)
+                contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
         attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
         speeds, is_solved = [grains, walls], True
         if opening is not None and not (grains.closing or walls.closing):
@@ -936,8 +941,10 @@ class Engine:
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
-            keep_bridges(end, laws, contacts, self._layout.state)
-            which, of_grains = np.arange(contacts.size, dtype=np.int32), np.zeros(SUMS)
+            keep_bridges(end, pieces, laws, contacts, self._layout.state)
+            of_discs = np.ones(contacts.size, np.bool_)
+            of_discs[selection.faces.rows] = False
+            which, of_grains = np.flatnonzero(of_discs).astype(np.int32), np.zeros(SUMS)
         else:
             which, of_grains = lanes.of_walls, account_grains(
                 lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
@@ -947,10 +954,11 @@ class Engine:
         sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
         overlaps = np.zeros(selection.faces.first.size, np.bool_)
         if pieces is not None:
-            account_faces(
+            attracted = account_faces(
                 step.scene, end, pieces, contacts, after, selection.faces, step.dt, sums.total,
                 sums.wall_impulse, sums.belt_impulse, overlaps,
             )  # fmt: skip
+            sums = sums._replace(adhesion_work=sums.adhesion_work + attracted)
         if self.model.is_cell:
             sums.total[VIRIAL : VIRIAL + 4] += virial
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]

@@ -170,7 +170,7 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     is_loaded = impulse.any(axis=1) & ~are_impacts(np.asarray(contacts.gap))
     scene = scene_of(model, state.position, state.wall_position)
     laws = model.laws.with_ranges(model.mean_diameter)
-    attraction = resting_attraction(laws, scene, i, j, state.last_dt)
+    attraction = resting_attraction(laws, scene, i, j, state.last_dt, model.outlines)
     if attraction.size:
         is_apart = np.asarray(contacts.gap) > _APART * model.grains.radius[i]
         is_loaded &= ~(is_apart & (impulse[:, NORMAL] < 0.0))
@@ -361,7 +361,7 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
 
     def attraction(m: Model, s: State, i: Ints, j: Ints) -> Floats:
         laws, scene = m.laws.with_ranges(m.mean_diameter), scene_of(m, s.position, s.wall_position)
-        return resting_attraction(laws, scene, i, j, old.last_dt)
+        return resting_attraction(laws, scene, i, j, old.last_dt, m.outlines)
 
     was = attraction(before, old, i[kept], j[kept])
     now = attraction(model, state, state.contact_i, state.contact_j)

@@ -161,7 +161,7 @@ def test_two_discs_meet_across_a_side_as_anywhere(across, tilt):
 @pytest.mark.parametrize(
     "laws",
     [{}, {"restitution": 0.7}, {"rolling": 0.2, "adhesion": 0.5},
-     {"shapes": FACES}, {"shapes": FACES, "restitution": 0.5}],
+     {"shapes": FACES}, {"shapes": FACES, "restitution": 0.5}, {"shapes": FACES, "adhesion": 0.5, "wet": True, "rolling": 0.2}],
 )  # fmt: skip
 def test_energy_is_accounted_for(order, laws):
     model, state = loose_cell(80, solid_fraction=0.7, **laws)

@@ -6,7 +6,8 @@ it. In a contact `p_n` holds q_n and `attraction` F Δt; the impulse of one body
 their difference.
 
 A place has one force: of the pieces of walls that a grain has near it in one place
-(`engine/geometry/places.py`) the nearest attracts, and equally near ones divide the force.
+(`engine/geometry/places.py`) the nearest attracts, and equally near ones divide the force. Of
+grains that are no discs each point has it: sides that lie on each other hold at both ends.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
+from multicor_cli.engine.contact.faces import FacePairs
+from multicor_cli.engine.geometry.outlines import Pieces, are_faces, true_gap
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import (
     INVERSE_MASS,
@@ -33,6 +36,7 @@ from multicor_cli.model.columns import (
     Y,
 )
 from multicor_cli.model.model import ContactLaws, Floats, Ints
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import State
 
 TOUCHING = 1e-9
@@ -74,6 +78,34 @@ def share_of_force(first: float, last: float, reach: float, is_wet: bool) -> flo
 
 
 @kernel
+def _share_points(scene: Scene, contacts: Contacts, faces: FacePairs, share: Floats) -> None:
+    """Share of points of grains that are no discs: where pieces of walls join they divide one.
+
+    **Modifies** ``share``.
+    """
+    grains, first = scene.radius.size, 0
+    for f in range(faces.first.size):
+        i = contacts[faces.first[f]].i
+        if contacts[faces.first[first]].i != i:
+            first = f
+        for c in range(faces.first[f], faces.first[f] + faces.room[f]):
+            share[c] = 1.0
+            if contacts[c].j < grains:
+                continue
+            there = 0
+            for other in range(first, faces.first.size):
+                if contacts[faces.first[other]].i != i:
+                    break
+                for k in range(faces.first[other], faces.first[other] + faces.room[other]):
+                    away = abs(contacts[k].own_x - contacts[c].own_x) + abs(
+                        contacts[k].own_y - contacts[c].own_y
+                    )
+                    is_of_wall = contacts[k].j >= grains and contacts[k].gap < inf
+                    there += is_of_wall and away <= TOUCHING * scene.radius[i]
+            share[c] /= max(1, there)
+
+
+@kernel
 def _nearest_pieces(scene: Scene, contacts: Contacts, i: Ints, j: Ints) -> Floats:
     """Share of each contact in the force of its place: 0 where another piece is nearer."""
     place, _ = find_places(scene, i, j)
@@ -100,6 +132,7 @@ def begin_attraction(
     bridge_row: NDArray[np.int64],
     bridge_j: Ints,
     dt: float,
+    faces: FacePairs,
 ) -> None:
     """F Δt into all contacts [N s], the mean over the way that a pair goes with u_n⁻ in the step.
 
@@ -112,13 +145,14 @@ def begin_attraction(
     """
     count = scene.radius.size
     share = _nearest_pieces(scene, contacts, i, j)
+    _share_points(scene, contacts, faces, share)
     has_bridge = met_before(scene, bridge_row, bridge_j, i, j)
     for c in range(contacts.size):
         contact = contacts[c]
         contact.attraction = 0.0
         a, b = scene.material[i[c]], scene.material[j[c]]
         gap, reach, is_wet = contact.gap, laws.adhesion_range[a, b], laws.is_wet[a, b] > 0
-        if share[c] == 0.0 or laws.adhesion[a, b] == 0.0:
+        if share[c] == 0.0 or laws.adhesion[a, b] == 0.0 or gap == inf:
             continue
         half = 0.5 * dt * contact.u_n
         if is_wet:
@@ -141,8 +175,9 @@ def longest_reach(laws: ContactLaws) -> float:
 
 @kernel
 def attract(
-    scene: Scene, contacts: Contacts, place: Ints, wall_inverse: Floats, velocity: Floats
-) -> None:
+    scene: Scene, contacts: Contacts, place: Ints, wall_inverse: Floats, spin_factor: float,
+    velocity: Floats,
+) -> None:  # fmt: skip
     """Let adhesion act on free velocities, rows as in `System`, **modified**."""
     count = scene.radius.size
     for c in range(contacts.size):
@@ -153,10 +188,17 @@ def attract(
         px, py = contact.attraction * contact.nx, contact.attraction * contact.ny
         velocity[i, X] -= velocity[i, INVERSE_MASS] * px
         velocity[i, Y] -= velocity[i, INVERSE_MASS] * py
+        is_point = contact.key >= 0
+        if is_point:
+            couple = spin_factor * contact.attraction * contact.turn_in
+            velocity[i, SURFACE] -= velocity[i, INVERSE_MASS] * couple
         if j < count:
             row = place[j]
             velocity[row, X] += velocity[row, INVERSE_MASS] * px
             velocity[row, Y] += velocity[row, INVERSE_MASS] * py
+            if is_point:
+                couple = spin_factor * contact.attraction * contact.turn_jn
+                velocity[row, SURFACE] += velocity[row, INVERSE_MASS] * couple
             if scene.height > 0.0:
                 velocity[count, XX] -= wall_inverse[0, XX] * px * contact.lever_x
                 velocity[count, YY] -= wall_inverse[0, YY] * py * contact.lever_y
@@ -172,10 +214,22 @@ def attract(
 # ---- The bridges that a step leaves
 
 
+@subroutine
+def _gap_after(end: Scene, pieces: Pieces | None, i: int, j: int) -> float:
+    """Gap of a pair that has met [m]."""
+    if pieces is None:
+        return known_geometry(end, i, j)[0]
+    if not are_faces(pieces, i, j):
+        return known_geometry(end, i, j)[0]
+    return true_gap(end, pieces, i, j)[0]
+
+
 @kernel
-def bridges_after(end: Scene, laws: ContactLaws, contacts: Contacts) -> tuple[Ints, Ints]:
+def bridges_after(
+    end: Scene, pieces: Pieces | None, laws: ContactLaws, contacts: Contacts
+) -> tuple[Ints, Ints]:
     """Wet pairs with a bridge after a step, ascending: they touched in it or had one, and their
-    gap in the scene at its end is within the range.
+    gap in the scene at its end is within the range; ``pieces`` as they lie there.
     """
     first, second = np.empty(contacts.size, np.int32), np.empty(contacts.size, np.int32)
     found = 0
@@ -184,16 +238,20 @@ def bridges_after(end: Scene, laws: ContactLaws, contacts: Contacts) -> tuple[In
         a, b = end.material[contact.i], end.material[contact.j]
         if laws.is_wet[a, b] == 0 or not (contact.attraction > 0.0 or contact.p_n > 0.0):
             continue
-        if known_geometry(end, contact.i, contact.j)[0] <= laws.adhesion_range[a, b]:
+        if found and first[found - 1] == contact.i and second[found - 1] == contact.j:
+            continue  # by another of its points
+        if _gap_after(end, pieces, contact.i, contact.j) <= laws.adhesion_range[a, b]:
             first[found], second[found] = contact.i, contact.j
             found += 1
     return first[:found].copy(), second[:found].copy()
 
 
-def keep_bridges(end: Scene, laws: ContactLaws, contacts: Contacts, state: State) -> None:
+def keep_bridges(
+    end: Scene, pieces: Pieces | None, laws: ContactLaws, contacts: Contacts, state: State
+) -> None:
     """Enter the bridges after a step into a state, **modified**."""
     if laws.is_wet.any():
-        state.bridge_i, state.bridge_j = bridges_after(end, laws, contacts)
+        state.bridge_i, state.bridge_j = bridges_after(end, pieces, laws, contacts)
 
 
 def bridge_rows(state: State, grains: int) -> tuple[NDArray[np.int64], Ints]:
@@ -214,19 +272,28 @@ def net_impulses(reaction: Floats, attraction: Floats) -> Floats:
 
 
 @kernel
-def _shares_at_rest(scene: Scene, laws: ContactLaws, i: Ints, j: Ints) -> Floats:
+def _shares_at_rest(
+    scene: Scene, laws: ContactLaws, i: Ints, j: Ints, is_point: NDArray[np.bool_]
+) -> Floats:
     found = np.empty(i.size)
     for c in range(i.size):
         a, b = scene.material[i[c]], scene.material[j[c]]
-        gap = known_geometry(scene, i[c], j[c])[0]
+        gap = 0.0 if is_point[c] else known_geometry(scene, i[c], j[c])[0]
         is_wet = laws.is_wet[a, b] > 0
         found[c] = laws.adhesion[a, b] * share_of_force(gap, gap, laws.adhesion_range[a, b], is_wet)
     return found
 
 
-def resting_attraction(laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float) -> Floats:
+def resting_attraction(
+    laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float, outlines: Outlines | None
+) -> Floats:
     """F Δt of contacts known to touch [N s], shape ``(c,)``; of size 0 without any adhesion."""
     if not laws.adhesion.size:
         return np.empty(0)
     sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
-    return dt * _shares_at_rest(scene, laws, i, j) / sharing
+    is_point = np.zeros(i.size, np.bool_)
+    if outlines is not None:
+        is_face, is_wall = ~outlines.is_disc, j >= scene.radius.size
+        is_point = is_face[i] | (~is_wall & is_face[np.where(is_wall, 0, j)])
+        sharing[is_point] = 1.0
+    return dt * _shares_at_rest(scene, laws, i, j, is_point) / sharing

@@ -95,6 +95,12 @@ class FacePairs(NamedTuple):
     pair: Ints
 
     @property
+    def rows(self) -> NDArray[np.int64]:
+        """All their records, ascending."""
+        before = np.cumsum(self.room) - self.room
+        return np.repeat(self.first - before, self.room) + np.arange(self.room.sum())
+
+    @property
     def most(self) -> int:
         """Largest room of a pair."""
         return int(self.room.max(initial=0))
@@ -434,12 +440,14 @@ def account_faces(
     scene: Scene, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats,
     faces: FacePairs, dt: float, total: Floats, wall_impulse: Floats, belt_impulse: Floats,
     overlaps: NDArray[np.bool_],
-) -> None:  # fmt: skip
-    """As `account_contacts`, of faces; **modifies** what that returns.
+) -> float:  # fmt: skip
+    """As `account_contacts`, of faces; **modifies** what that returns, but for the work of adhesion
+    [J], which is returned.
 
     And ``overlaps``, which pairs overlap at the end of the step, shape ``(f,)``: pairs of which no
     point comes near need no look, for gaps change by little more than velocities say.
     """
+    attracted = 0.0
     for f in range(faces.first.size):
         base = faces.first[f]
         i, j = contacts[base].i, contacts[base].j
@@ -456,17 +464,19 @@ def account_faces(
                 total[OVERLAP] = max(total[OVERLAP], -gap / size)
         for c in range(base, base + faces.room[f]):
             contact = contacts[c]
-            p_n, p_t = contact.p_n, contact.p_t
-            if p_n == 0.0:
+            q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
+            if q_n == 0.0 and attraction == 0.0:
                 continue
+            p_n = q_n - attraction
             nx, ny, lx, ly = contact.nx, contact.ny, contact.lever_x, contact.lever_y
             u_n, u_t = contact_after(c, scene, contacts, after)
-            impact, friction = -p_n * 0.5 * (contact.u_n + u_n), -p_t * 0.5 * (contact.u_t + u_t)
+            impact, friction = -q_n * 0.5 * (contact.u_n + u_n), -p_t * 0.5 * (contact.u_t + u_t)
+            attracted -= attraction * 0.5 * (contact.u_n + u_n)
             total[FRICTION] += friction
             total[IMPACT] += impact
-            total[SLIDING] += contact.mu * abs(u_t) * p_n
+            total[SLIDING] += contact.mu * abs(u_t) * q_n
             total[NEGATIVE] += min(0.0, friction + impact)
-            total[LOADED] += 1.0
+            total[LOADED] += 1.0 if q_n > 0.0 else 0.0
             total[LARGEST] = max(total[LARGEST], p_n)
             px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
             if j < scene.radius.size:
@@ -480,6 +490,7 @@ def account_faces(
             wall_impulse[wall, Y] -= py
             wall_impulse[wall, SPIN] -= lx * py - ly * px
             belt_impulse[wall] -= p_t
+    return attracted
 
 
 def blocks_for(batches: int) -> tuple[Ints, Floats]:

@@ -234,7 +234,8 @@ class HeatStep:
         impulse, couple = np.zeros((i.size, 2)), none
         if state.last_dt > 0.0:
             impulse = net_impulses(
-                state.contact_impulse, resting_attraction(laws, scene, i, j, state.last_dt)
+                state.contact_impulse,
+                resting_attraction(laws, scene, i, j, state.last_dt, self._model.outlines),
             )
             couple = state.contact_couple
         sticking = np.zeros(i.size, np.bool_)

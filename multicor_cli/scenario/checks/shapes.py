@@ -23,11 +23,9 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
 def _of_discs(tables: PartialScenario, materials: set[str]) -> Iterator[tuple[KeyPath, str]]:
     """Where the scenario asks for it, and what it is; ``materials`` are those of the grains."""
     for k, entry in given(tables.contacts):
-        if entry.rolling_friction:
+        if entry.rolling_friction and not materials.isdisjoint(entry.pair):
             what = f"rolling resistance of {entry.rolling_friction:g}"
             yield ("contacts", k, "rolling_friction"), what
-        if entry.attraction.force:
-            yield ("contacts", k, "adhesion"), f"adhesion of {entry.attraction.force:g} N"
     for name in sorted(materials):
         material = tables.materials.get(name)
         if material is not None and material.expansion:

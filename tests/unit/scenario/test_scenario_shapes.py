@@ -99,8 +99,7 @@ GLASS = {
 
 # tables beside the group, key, words
 NOT_YET = {
-    "rolling": ({"contacts": [{"friction": 0.4, "rolling_friction": 0.1}]}, "contacts.0.rolling_friction", "rolling resistance of 0.1"),
-    "adhesion": ({"contacts": [{"adhesion": 1e-5}]}, "contacts.0.adhesion", "adhesion of 1e-05 N"),
+    "rolling": ({"contacts": [{"pair": ["*", "glass"], "friction": 0.4, "rolling_friction": 0.1}]}, "contacts.0.rolling_friction", "rolling resistance of 0.1"),
     "impacts": ({"heat": {"collisional": True}}, "heat.collisional", "conduction in an impact"),
     "gas": ({"heat": {"gas": {"conductivity": 0.026}}}, "heat.gas", "gas in gaps"),
     "neighbors": ({"heat": {"radiation": {"neighbors": True}}, "materials": {"glass": GLASS}}, "heat.radiation.neighbors", "radiation between neighbors"),

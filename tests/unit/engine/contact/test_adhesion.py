@@ -1,6 +1,8 @@
 """Adhesion, dry and by bridges of liquid, against closed forms (theory §3.1): its force, its work,
 what it holds, at time steps over a factor of 30; bridges in states, on threads and on walls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scene_parts import (
@@ -15,6 +17,7 @@ from scene_parts import (
     shear_engine,
     tally,
 )
+from shapes import box, shaped_engine, shaped_model, wall_line
 
 from multicor_cli.engine.contact.adhesion import share_of_force
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Gravity, WallDrive
@@ -358,3 +361,60 @@ def test_work_of_adhesion_is_in_the_books_of_a_flow(kind):
     assert (forces[table.gap > 1e-3] < 0.0).any()
     assert book(state, "closure") < 1e-12
     assert tally(state, "unconverged_steps") == 0
+
+
+# ---- Points of grains that are no discs
+
+SQUARE = [(box(0.2, 0.2), 0.0)]
+JOINT = [wall_line([(1.0, 0.0), (0.0, 0.0)])[0], wall_line([(0.0, 0.0), (-1.0, 0.0)])[0]]
+"""A ceiling of two sides that meet over the grain."""
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("ceiling", "x"), [(CEILING, 0.0), (JOINT, 0.03), (JOINT, 0.1)])
+def test_a_side_holds_at_both_ends_wherever_pieces_of_a_wall_join(ceiling, x, kind, factor):
+    """A square below a ceiling bears 2 F_a, also with a joint over it or over its corner."""
+    model = shaped_model(
+        [SQUARE], ceiling, ("ceiling",), adhesion=1.0, reach=REACH, wet=kind == "wet"
+    )
+    load = factor * 2.0 / model.grains.mass[0]
+    model = replace(model, gravity=np.array([0.0, -load]))
+    high = -0.1 if ceiling is JOINT else 0.9
+    state = advance(shaped_engine(model, [[x, high]]), 1e-4, 2000)
+    assert (state.position[0, 1] < high - REACH) == (factor > 1.0)
+    assert book(state, "closure") < 1e-12
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+def test_a_bracket_tips_off_a_wall_when_its_weight_exceeds_the_upper_point(factor):
+    """Around its lower corner: m g b/2 against F_a h."""
+    width, height = 0.3, 0.2
+    model = shaped_model(
+        [[(box(width, height), 0.0)]], SIDE, friction=100.0, adhesion=1.0, reach=REACH
+    )
+    weight = factor * 2.0 * height / width
+    model = replace(model, gravity=np.array([0.0, -weight / model.grains.mass[0]]))
+    state = advance(shaped_engine(model, [[0.5 * width, 0.0]]), 1e-4, 3000)
+    assert (abs(state.position[0, 2]) > REACH / height) == (factor > 1.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_parting_two_sides_costs_twice_what_parting_two_discs_does(kind):
+    model = shaped_model(
+        [SQUARE, SQUARE], (), (), gravity=(0.0, 0.0), adhesion=FORCE, reach=REACH, wet=kind == "wet"
+    )
+    reduced = 0.5 * model.grains.mass[0]
+    start = 1.2 * np.sqrt(4.0 * KINDS[kind] / reduced)
+    places, velocities = [[0.0, 0.0], [0.2, 0.0]], [[0.0] * 3, [start, 0.0, 0.0]]
+    errors = []
+    for dt in STEPS:
+        state = advance(shaped_engine(model, places, velocities), dt, round(0.03 / dt))
+        apart = state.velocity[1, 0] - state.velocity[0, 0]
+        assert 0.5 * reduced * (start**2 - apart**2) == pytest.approx(-work(state), rel=1e-9)
+        assert book(state, "closure") < 1e-12
+        assert state.bridge_i.size == 0
+        errors.append(abs(-0.5 * work(state) / KINDS[kind] - 1.0))
+    assert errors[0] < 0.1
+    assert errors[-1] < errors[0] / 10.0
+    assert errors[-1] < 2e-3
