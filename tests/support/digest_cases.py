@@ -343,6 +343,11 @@ _GROWING = (
     "materials.glass.expansion=1e-4", "heat.ambient={temperature=500.0, coefficient=2e3}",
 )  # fmt: skip
 
+_STICKY_CELL = (
+    *SHIPPED["cell-shear"], 'contacts.0.adhesion={force=1e-3, kind="wet"}',
+    'particles.0.shape={kind="polygon", sides=5, irregular=0.3}',
+)  # fmt: skip
+
 CASES: dict[str, Case] = {
     **{name: Case(CONFIGS / f"{name}.toml", overrides) for name, overrides in SHIPPED.items()},
     "heated-bed-large": Case(CONFIGS / "heated-bed.toml", _LARGE),
@@ -350,6 +355,7 @@ CASES: dict[str, Case] = {
     **_BROUGHT,
     **{f"sizes-{name}": _scene(sizes=f"sizes = {sizes}") for name, sizes in _SIZES.items()},
     **{f"law-{name}": _scene(**parts) for name, parts in _LAWS.items()},
+    "law-shapes-in-a-cell": Case(CONFIGS / "cell-shear.toml", _STICKY_CELL),
     "law-expansion": replace(_scene(**{**_BED, "heat": _HEAT}), overrides=_GROWING),
 }
 """All cases by name."""
