@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cells import compressed, flow, solid_fraction
+from cells import orders as cell_orders
 from recorded import keep
 from scene_parts import FLOOR, G, tally
 from shapes import box, disc, regular, rod, shaped_engine, shaped_model
@@ -159,6 +161,42 @@ def test_pentagons_are_stronger_and_looser_than_discs(record_property):
     assert 0.1 < pentagons[2] < pentagons[3] < 0.6
     assert many[0] == pytest.approx(discs[0], abs=0.05)
     assert many[1] == pytest.approx(discs[1], abs=0.015)
+
+
+# ---- Flow of a material without walls
+
+
+def flowing(sides, seed, rate=0.1, friction=0.4):
+    """μ\\* and solid fraction of plane shear in a cell at I = ``rate``, over a strain of 4, and steps
+    that were not solved; regular polygons of the same reach (0: discs).
+    """
+    shape = [(regular(sides), 0.0)] if sides else disc(1.0)
+    model, state = compressed(200, duration=20.0, shapes=[shape], seed=seed, friction=friction)
+    shear = cell_orders(("velocity", 0.0), ("stress", 1.0), ("velocity", rate))
+    flow(model, state, shear, 2.0 / rate)
+    rows = []
+    for _ in range(8):
+        _, stress = flow(model, state, shear, 0.5 / rate)
+        rows.append((-stress[2] / stress[1], solid_fraction(model, state)))
+    return *np.mean(rows, axis=0), tally(state, "unconverged_steps")
+
+
+def test_polygons_with_many_sides_flow_as_discs_do(record_property):
+    """μ\\*(I) and ν(I) at I = 0.1 (μ = 0.4) go to those of discs with the number of sides."""
+    found = {}
+    for sides in (0, 5, 12, 48):
+        found[sides] = np.mean([flowing(sides, seed) for seed in (1, 2, 3)], axis=0)
+        print(
+            "{} sides: mu* {:.3f}, solid fraction {:.4f}, {:g} steps not solved".format(
+                sides or "no", *found[sides]
+            )
+        )
+    keep(record_property, **{f"sides_{sides}": values for sides, values in found.items()})
+    discs, pentagons, some, many = found.values()
+    assert pentagons[0] > discs[0] + 0.1
+    assert pentagons[1] < discs[1] - 0.03
+    assert abs(many[0] - discs[0]) < min(0.03, 0.6 * abs(some[0] - discs[0]))
+    assert abs(many[1] - discs[1]) < min(0.01, 0.6 * abs(some[1] - discs[1]))
 
 
 # ---- Dominoes
