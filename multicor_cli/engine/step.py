@@ -33,7 +33,7 @@ from multicor_cli.engine.contact.contacts import (
     vary_friction,
     warm_rows,
 )
-from multicor_cli.engine.contact.faces import account_faces, begin_faces
+from multicor_cli.engine.contact.faces import account_faces, begin_faces, closed_beyond
 from multicor_cli.engine.contact.flight import (
     SOLVED,
     Flight,
@@ -43,7 +43,7 @@ from multicor_cli.engine.contact.flight import (
 from multicor_cli.engine.contact.impacts import are_contacts, convected_by
 from multicor_cli.engine.contact.meetings import Walls
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.selection import AHEAD, SKIN, Selection
+from multicor_cli.engine.contact.selection import AHEAD, LASTS, SKIN, Selection
 from multicor_cli.engine.contact.solve import (
     LEAST_LOSS,
     Outcome,
@@ -115,9 +115,8 @@ from multicor_cli.model.state import State, find_absurd_value
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
-NEAREST, FARTHER = 0.01, 2.5
-"""Gap up to which points of pairs with corners are looked at, over the mean diameter; and how much
-farther those for which there is room may be when contacts are sought."""
+NEAREST = 0.01
+"""Gap up to which points of pairs with corners always count, over the mean diameter."""
 MOST_WORN = 0.5
 """Largest part of its volume that a grain may lose."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
@@ -422,8 +421,7 @@ class Engine:
         layout.selection = Selection(layout.model, layout.pairs, layout.pieces)
         try:
             layout.selection.seek(step.scene, step.pieces, self._margin(step))
-            far = self._far(step, step.cutoff, layout.before)
-            yield step.scene, self._gather(step, far)[0]
+            yield step.scene, self._gather(step, self._least_gap())[0]
         finally:
             layout.selection = kept
 
@@ -488,11 +486,11 @@ class Engine:
         # one that far, all are solved once more with it.
         self._select(step)
         self._clock("detect")
-        margin, is_missing, far = 0.0, True, self._far(step, step.cutoff, layout.before)
+        margin, is_missing, least = 0.0, True, self._least_gap()
         while is_missing:
-            contacts, scale, is_solved, has_room = self._gather(step, far)
-            if not has_room:
-                selection.seek(step.scene, step.pieces, max(self._margin(step), FARTHER * far))
+            contacts, scale, is_solved, lacking, beyond = self._gather(step, least)
+            if lacking > 0.0:
+                selection.seek(step.scene, step.pieces, max(self._margin(step), lacking))
                 continue
             ordered = self._assemble(step.scene, contacts)
             self._clock("prepare")
@@ -505,17 +503,19 @@ class Engine:
             after = ordered.collect(contacts)
             cutoff = self._cutoff_after(step, after)
             self._list_up_to(cutoff, step)
-            needed = self._far(step, cutoff, after)
             is_missing, fastest = selection.closing(
-                step.scene, step.pieces, after, after, max(cutoff, needed), dt, -math.inf
+                step.scene, step.pieces, after, after, self._far(step, cutoff, after), dt, -math.inf
             )
             if is_missing:
                 margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
-                margin = max(margin, FARTHER * needed)
                 selection.seek(step.scene, step.pieces, margin)
                 self._select_impacts(step)
-            if needed > far:  # points that were too far may meet with these velocities
-                far, is_missing = 2.0 * needed, True
+            elif step.pieces is not None:
+                closed = closed_beyond(
+                    step.scene, step.pieces, after, dt, selection.faces, contacts, beyond
+                )
+                if closed > 0.0:  # points that were too far may meet with these velocities
+                    least, is_missing = 2.0 * closed, True
             self._clock("detect")
         outcome.require_convergence(self.orders.settings, state.step)
         return self._end(step, contacts, after, outcome, cutoff)
@@ -792,17 +792,20 @@ class Engine:
         )  # fmt: skip
 
     def _far(self, step: Prediction, cutoff: float, bodies: Floats) -> float:
-        """A gap that no point of a pair with corners closes [m], with spins too; 0 among discs.
+        """A gap that no points of a pair close [m], with spins too.
 
         ``cutoff`` is one that no pair closes by moving on, with the velocities of ``bodies``.
         """
         model, pieces = self._layout.model, self._layout.pieces
         if pieces is None or not pieces.is_face.any():
-            return 0.0
+            return cutoff
         count, reach = model.grain_count, model.grains.radius / model.spin_radius
         turning = float(np.abs(bodies[:count, SURFACE] * reach).max(initial=0.0))
-        far = max(cutoff + 2.0 * AHEAD * step.dt * turning, NEAREST * model.mean_diameter)
-        return max(far, longest_reach(self._laws))
+        return cutoff + 2.0 * AHEAD * step.dt * turning
+
+    def _least_gap(self) -> float:
+        """Gap up to which all points of pairs with corners count [m]."""
+        return max(NEAREST * self._layout.model.mean_diameter, longest_reach(self._laws))
 
     # ---- Its contacts
 
@@ -812,7 +815,7 @@ class Engine:
         reach = longest_reach(self._laws)
         layout.selection.take(layout.state)
         layout.pairs.update(scene, step.cutoff)
-        cutoff = max(step.cutoff, self._far(step, step.cutoff, layout.before))
+        cutoff = self._far(step, step.cutoff, layout.before)
         if layout.selection.closing(
             scene, step.pieces, layout.before, layout.free, cutoff, AHEAD * step.dt, reach
         )[0]:
@@ -833,8 +836,6 @@ class Engine:
         margin = layout.selection.margin(
             step.scene, layout.before, layout.free, step.cutoff, step.dt
         )
-        if layout.pieces is not None:
-            margin = max(margin, FARTHER * self._far(step, step.cutoff, layout.before))
         reach = longest_reach(self._laws)
         return reach + max(margin, SKIN * self.model.mean_diameter) if reach > 0.0 else margin
 
@@ -844,10 +845,13 @@ class Engine:
         if gap > layout.pairs.complete:
             layout.pairs.update(step.scene, gap)
 
-    def _gather(self, step: Prediction, far: float) -> tuple[Contacts, ResidualScale, bool, bool]:
+    def _gather(
+        self, step: Prediction, least: float
+    ) -> tuple[Contacts, ResidualScale, bool, float, Floats]:
         """The contacts, warm-started, the scale of the residuals, and if any is to be solved.
 
-        Last whether there was room for all points, with a gap up to ``far`` [m].
+        Last what `begin_faces` returns, with ``least``: up to where room was lacking, and how far
+        points are that do not count.
         """
         layout, state, laws, dt = self._layout, self._layout.state, self._laws, step.dt
         selection, scene, start = layout.selection, step.scene, layout.before
@@ -863,11 +867,11 @@ class Engine:
             scene.tilt, *self._gradient(start),
         )  # fmt: skip
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
-        faces, has_room = None, True
+        faces, beyond, lacking = None, _NONE, 0.0
         if selection.faces.first.size:
             assert step.pieces is not None
-            faces, has_room = begin_faces(
-                scene, step.pieces, laws, start, dt, ratio, far,
+            faces, lacking, beyond = begin_faces(
+                scene, step.pieces, laws, start, layout.free, dt, ratio, least, LASTS * dt,
                 selection.faces, selection.faces.most, contacts,
             )  # fmt: skip
         opening = None
@@ -908,7 +912,7 @@ class Engine:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
-        return contacts, scale, is_solved, has_room
+        return contacts, scale, is_solved, lacking, beyond
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         layout, motion = self._layout, self._motion

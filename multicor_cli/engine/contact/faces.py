@@ -52,6 +52,7 @@ from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
 from multicor_cli.engine.geometry.outlines import (
     Pieces,
     Point,
+    fastest_points,
     pieces_met,
     touch_pieces,
     true_gap,
@@ -97,8 +98,9 @@ class FacePairs(NamedTuple):
     @property
     def rows(self) -> NDArray[np.int64]:
         """All their records, ascending."""
-        before = np.cumsum(self.room) - self.room
-        return np.repeat(self.first - before, self.room) + np.arange(self.room.sum())
+        ends = np.cumsum(self.room)
+        count = int(ends[-1]) if ends.size else 0
+        return np.repeat(self.first - ends + self.room, self.room) + np.arange(count)
 
     @property
     def most(self) -> int:
@@ -199,21 +201,27 @@ def _enter_point(
 
 @kernel
 def begin_faces(
-    scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, dt: float, ratio: float,
-    far: float, faces: FacePairs, most: int, contacts: Contacts,
-) -> tuple[Speeds, bool]:  # fmt: skip
-    """Find the points of pairs with a gap up to ``far`` [m], with impulses of those known before.
+    scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, free: Floats, dt: float,
+    ratio: float, least: float, ahead: float, faces: FacePairs, most: int, contacts: Contacts,
+) -> tuple[Speeds, float, Floats]:  # fmt: skip
+    """Find the points of pairs that may close, with impulses of those known before.
 
-    Arguments as `begin_walls`; ``most`` is the largest room of a pair. A point that is new takes
-    the impulse of one of its pair that is no more. **Modifies** ``contacts``. Also returns whether
-    there was room for all.
+    Arguments as `begin_walls`; ``most`` is the largest room of a pair. Points count up to a gap of
+    ``least`` [m], and up to what the pair closes within the time ``ahead`` [s] with its velocities
+    ``start`` or ``free``. A point that is new takes the impulse of one of its pair that is no more.
+    **Modifies** ``contacts``. Also returns the gap up to which there should have been room [m], 0
+    if there was room for all, and the smallest gap of each pair that did not count, shape ``(f,)``.
     """
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    has_room = True
+    lacking, beyond = 0.0, np.full(faces.first.size, inf)
     for f in range(faces.first.size):
         base, room = faces.first[f], faces.room[f]
         i, j = contacts[base].i, contacts[base].j
+        fastest = max(
+            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
+        )
+        far = max(least, ahead * fastest)
         for k in range(room):
             contact = contacts[base + k]
             known_key[k], known[k, NORMAL], known[k, TANGENTIAL] = (
@@ -226,13 +234,15 @@ def begin_faces(
             for b in range(first, last):
                 for point in touch_pieces(pieces, scene, i, a, j, b):
                     if point.gap <= far and found == room:
-                        has_room = False
+                        lacking = max(lacking, far)
                     elif point.gap <= far:
                         key = point_key(pieces, scene, i, a, j, b, point.corner)
                         _enter_point(
                             base + found, point, key, scene, pieces, laws, start, dt, contacts
                         )
                         found += 1
+                    else:
+                        beyond[f] = min(beyond[f], point.gap)
         _hand_on(base, found, known_key[:room], known[:room], contacts)
         for k in range(found):
             contact = contacts[base + k]
@@ -247,7 +257,26 @@ def begin_faces(
                 loaded += 1.0
             motion += sqrt(u_n * u_n + u_t * u_t)
             met += 1.0
-    return Speeds(squares, closing, slip, loaded, motion, met), has_room
+    return Speeds(squares, closing, slip, loaded, motion, met), lacking, beyond
+
+
+@kernel
+def closed_beyond(
+    scene: Scene, pieces: Pieces, after: Floats, dt: float, faces: FacePairs, contacts: Contacts,
+    beyond: Floats,
+) -> float:  # fmt: skip
+    """Largest gap that a pair closes in a step with v⁺ and that did not count before [m], or 0.
+
+    ``beyond`` as from `begin_faces`.
+    """
+    largest = 0.0
+    for f in range(beyond.size):
+        if beyond[f] < inf:
+            contact = contacts[faces.first[f]]
+            closed = dt * fastest_points(scene, pieces, after, contact.i, contact.j)
+            if closed >= beyond[f]:
+                largest = max(largest, closed)
+    return largest
 
 
 @subroutine

@@ -33,7 +33,7 @@ from multicor_cli.engine.geometry.outlines import (
     are_faces,
     circle_gap,
     fastest_points,
-    points_within,
+    room_within,
     true_gap,
 )
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
@@ -105,7 +105,7 @@ def closing_velocity(
 def points_up_to(
     scene: Scene, pieces: Pieces, row: NDArray[np.int64], partner: Ints, margin: float
 ) -> tuple[Ints, Ints, Ints]:
-    """As `pairs_up_to`, with the number of points of each pair that are as near; 1 of discs."""
+    """As `pairs_up_to`, with the number of points that each pair has room for; 1 of discs."""
     first, second = np.empty(partner.size, np.int32), np.empty(partner.size, np.int32)
     room, found = np.empty(partner.size, np.int32), 0
     for i in range(row.size - 1):
@@ -115,7 +115,7 @@ def points_up_to(
                 continue
             count = 0
             if are_faces(pieces, i, j):
-                count = points_within(scene, pieces, i, j, margin)
+                count = room_within(scene, pieces, i, j, margin)
             elif pair_geometry(scene, i, j)[0] <= margin:
                 count = 1
             first[found], second[found], room[found] = i, j, count

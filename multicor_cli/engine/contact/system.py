@@ -410,11 +410,14 @@ def _add_faces(
     return points, faces, rows
 
 
+@kernel
 def _branches(contacts: Contacts, points: Ints) -> Floats:
     """Branch vectors ℓ of records [m], shape ``(g, 2)``; zeros where there is none."""
-    known = contacts[np.maximum(points, 0)]
-    branch = np.column_stack([known["lever_x"], known["lever_y"]])
-    branch[points < 0] = 0.0
+    branch = np.zeros((points.size, 2))
+    for g in range(points.size):
+        if points[g] >= 0:
+            branch[g, X] = contacts[points[g]].lever_x
+            branch[g, Y] = contacts[points[g]].lever_y
     return branch
 
 

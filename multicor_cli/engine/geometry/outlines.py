@@ -543,6 +543,25 @@ def points_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -
 
 
 @subroutine
+def room_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -> int:
+    """Number of points that the pieces of a pair with a gap up to ``margin`` [m] may come to have.
+
+    How many there are changes as they turn: two of edges, one of what has a single corner.
+    """
+    room = 0
+    first, last = pieces_met(pieces, scene, j)
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for b in range(first, last):
+            one, two = touch_pieces(pieces, scene, i, a, j, b)
+            if min(one.gap, two.gap) <= margin:
+                is_corner = pieces.start[a + 1] == pieces.start[a] + 1
+                if j < scene.radius.size:
+                    is_corner = is_corner or pieces.start[b + 1] == pieces.start[b] + 1
+                room += 1 if is_corner else 2
+    return room
+
+
+@subroutine
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
     if pieces is None:
