@@ -36,6 +36,13 @@ SHAPES = {
     "triangles": {"kind": "polygon", "vertices": [[0, 0], [3, 0], [0, 4]]},
     "ellipses": {"kind": "ellipse", "aspect": 2.0},
     "corners": CORNER,
+    "drawn": {
+        "kind": "file",
+        "grain": [1] * 8 + [2] * 7,
+        "ring": [0] * 8 + [0] * 4 + [1] * 3,
+        "x": [0, 3, 3, 2, 2, 3, 3, 0] + [0, 4, 4, 0] + [1, 1, 3],
+        "y": [0, 0, 1, 1, 2, 2, 3, 3] + [0, 0, 3, 3] + [1, 2, 1],
+    },
 }
 SIZES = {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3}
 NO_WEIGHT = {"gravity": [0.0, 0.0]}
