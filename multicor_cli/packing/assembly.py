@@ -221,7 +221,7 @@ def _refuse_ranges(scenario: Scenario, model: Model) -> None:
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
     names, mass, inertia = list(scenario.materials), [], []
     for table, group in zip(scenario.particles, groups, strict=True):
-        density = scenario.materials[table.material].density
+        density = table.solid * scenario.materials[table.material].density
         mass.append(masses(group.radius, density, table.body, table.thickness, group.forms))
         inertia.append(inertias(group.radius, mass[-1], table.body, group.forms))
     counts = [group.radius.size for group in groups]

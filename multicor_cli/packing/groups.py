@@ -263,7 +263,8 @@ def _make(scenario: Scenario, group: ParticleGroup, packing: Packing, task: _Tas
             forms.outlines, angle, region, obstacles, separation, attempts, places, turns=turns
         )  # fmt: skip
     if isinstance(packing, CompactedPacking):
-        friction, density = packing.friction, scenario.materials[group.material].density
+        friction = packing.friction
+        density = group.solid * scenario.materials[group.material].density
         if friction is None:  # at rest, as a compaction ends
             friction = scenario.law(group.material, group.material).coefficient
         center = compact(

@@ -437,6 +437,11 @@ class ParticleGroup(Table):
             return None
         return self.shape
 
+    @property
+    def solid(self) -> float:
+        """Mass of a grain over that of its true area and the density of its material."""
+        return self.shape.solid if isinstance(self.shape, GrainShape) else 1.0
+
     def faults(self) -> Iterator[Refused]:
         yield from self._faults_of_coming()
         yield from self._faults_of_outlines()
@@ -463,6 +468,9 @@ class ParticleGroup(Table):
             what = "grains that are no discs cannot be deposited, which rolls discs over each other"
             remedy = 'use kind = "random", and let them settle under gravity'
             yield Refused(("packing",), what, remedy)
+        if self.outline is None and getattr(self.shape, "gyration", None) is not None:
+            what = "grains that are discs have the moment of inertia ½ m r²"
+            yield Refused(("shape", "gyration"), what, "remove gyration")
         if self.orientation is None:
             return
         if self.outline is None:

@@ -85,6 +85,20 @@ class GrainShape(Table):
         "reach",
     )
 
+    solid: float = optional(
+        "mass of a grain over that of its true area, thickness and density: below 1 of porous or "
+        "hollow grains, or of those that are thinner at their sides",
+        1.0,
+        gt=0.0,
+        le=100.0,
+    )
+    gyration: float | None = optional(
+        "radius of gyration about the center of mass over the reach, by which the moment of "
+        "inertia is m (gyration reach)²; default: that of the true area",
+        gt=0.0,
+        le=1.0,
+    )
+
     @property
     def is_disc(self) -> bool:
         """Whether it is one after all."""
@@ -103,7 +117,19 @@ class GrainShape(Table):
         """
 
     def measures(self, forms: Sequence[Sequence[Piece]]) -> Measures:
-        """Area, perimeter, center of mass and gyration of these forms, of `forms`."""
+        """Area and perimeter of `forms`, their center of mass and gyration as given if they are."""
+        found = self._of_area(forms)
+        center = getattr(self, "center", None)
+        if center is not None:
+            found = found._replace(center=np.tile(center, (len(forms), 1)))
+        if self.gyration is not None:
+            places = zip(forms, found.center, strict=True)
+            radius = self.gyration * np.array([_reach(list(form), at) for form, at in places])
+            found = found._replace(gyration=radius * radius)
+        return found
+
+    def _of_area(self, forms: Sequence[Sequence[Piece]]) -> Measures:
+        """Measures of the true area."""
         return measure(forms)
 
     @property
@@ -126,6 +152,15 @@ def _reach(pieces: list[Piece], center: Floats) -> float:
 
 
 _ONE = np.ones(1)
+
+_CENTER = "center of mass in the unit of the corners, with gyration; default: that of the true area"
+
+
+def _fault_of_center(center: Coordinates | None, gyration: float | None) -> Iterator[Refused]:
+    """What is wrong with a center of mass that is given: mass is then not as the area."""
+    if center is not None and gyration is None:
+        what = "with a center of mass by hand the moment of inertia is not that of the area"
+        yield Refused(("center",), what, "give gyration too")
 
 
 class DiscShape(Table):
@@ -187,6 +222,8 @@ class PolygonShape(GrainShape):
         le=0.9,
     )
 
+    center: Coordinates | None = optional(_CENTER)
+
     @field_validator("vertices")
     @classmethod
     def _convex(
@@ -196,6 +233,10 @@ class PolygonShape(GrainShape):
 
     def faults(self) -> Iterator[Refused]:
         yield from exactly_one(self, "sides", "vertices", "give one of them")
+        if self.vertices is None and self.center is not None:
+            what = "a center of mass by hand is a point among vertices"
+            yield Refused(("center",), what, "give vertices in place of sides")
+        yield from _fault_of_center(self.center, self.gyration)
         for key, none in (("elongation", 1.0), ("irregular", 0.0)):
             if self.vertices is not None and getattr(self, key) != none:
                 yield Refused((key,), f"{key} is of regular polygons", "remove it, or give sides")
@@ -301,6 +342,10 @@ class ClumpShape(GrainShape):
         min_length=1,
         max_length=MOST_CORNERS,
     )
+    center: Coordinates | None = optional(_CENTER)
+
+    def faults(self) -> Iterator[Refused]:
+        yield from _fault_of_center(self.center, self.gyration)
 
     @property
     def is_disc(self) -> bool:
@@ -444,7 +489,7 @@ class FileShape(GrainShape):
     def forms(self, uniform: Floats) -> list[list[Piece]]:
         return [[(piece, 0.0) for piece in drawn.pieces] for drawn in self._outlines()]
 
-    def measures(self, forms: Sequence[Sequence[Piece]]) -> Measures:
+    def _of_area(self, forms: Sequence[Sequence[Piece]]) -> Measures:
         """Of the polygons themselves: no side between pieces has to be found again."""
         return measure_polygons([drawn.rings for drawn in self._outlines()])
 

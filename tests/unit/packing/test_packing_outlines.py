@@ -188,6 +188,46 @@ def test_masses_follow_from_areas_and_sizes_from_what_they_mean(name, size):
         assert model.grains.inertia[grain] == pytest.approx(mass * gyration, rel=1e-12)
 
 
+DUMBBELL = {
+    "kind": "clump",
+    "pieces": [{"center": [0, 0], "radius": 1.0}, {"center": [4, 0], "radius": 1.0}],
+}
+
+
+@pytest.mark.parametrize("size", ["reach", "area"])
+def test_masses_centers_and_inertias_are_those_given_by_hand(size):
+    """A dumbbell whose bar has no part in outlines: 3 m beside m, 4 apart, center at 1."""
+    by_hand = {"solid": 0.25, "center": [1.0, 0.0], "gyration": math.sqrt(3.0) / 4.0}
+    model, _ = made({**DUMBBELL, "size": size, **by_hand}, count=12)
+    plain, _ = made({**DUMBBELL, "size": size}, count=12)
+    reach = model.grains.radius
+    assert model.grains.mass == pytest.approx(0.25 * 2500.0 * 1e-3 * model.area, rel=1e-12)
+    assert model.outlines.area == pytest.approx(2 * np.pi * (reach / 4.0) ** 2, rel=1e-12)
+    # Two points 4 apart: (3/4)(1/4) 4² = 3, and it reaches 4 from the center of mass
+    unit = reach / 4.0
+    assert model.grains.inertia == pytest.approx(3.0 * unit**2 * model.grains.mass, rel=1e-12)
+    assert model.spin_radius == pytest.approx(np.sqrt(2 * 3.0) * unit, rel=1e-12)
+    for k in range(12):
+        (left, a), (right, b) = model.outlines.pieces(k)
+        assert [a, b] == pytest.approx([unit[k]] * 2)
+        assert [left[0, 0], right[0, 0]] == pytest.approx([-unit[k], 3 * unit[k]])
+    if size == "area":
+        assert model.area == pytest.approx(plain.area)
+    else:
+        assert reach == pytest.approx(plain.grains.radius)
+
+
+def test_mass_by_hand_is_that_of_heat_and_of_a_disc_too():
+    heat = {"heat": {}, "materials": {"glass": {"density": 2500.0, "young": 7e10, "poisson": 0.2,
+            "conductivity": 1.0, "heat_capacity": 800.0}}}  # fmt: skip
+    for shape in (PENTAGON, {"kind": "rod", "aspect": 1.0}):
+        half, full = (made({**shape, "solid": s}, count=5, **heat)[0] for s in (0.5, 1.0))
+        assert half.grains.mass == pytest.approx(0.5 * full.grains.mass, rel=1e-14)
+        assert half.grains.inertia == pytest.approx(0.5 * full.grains.inertia, rel=1e-14)
+        assert half.thermal.capacity == pytest.approx(0.5 * full.thermal.capacity, rel=1e-14)
+        assert np.array_equal(half.area, full.area)
+
+
 def unit(shape):
     model, _ = made(shape, count=1, sizes={"kind": "list", "radii": [1e-3]}, size=0.1)
     ((corners, rounding),) = model.outlines.pieces(0)
