@@ -88,7 +88,7 @@ class RandomPacking(Table):
 
 class DepositedPacking(Table):
     """Grains dropped one after the other; each rolls down until it rests on two others, a wall or
-    the floor of the region.
+    the floor of the region. Grains that are no discs sink from a random packing all together.
     """
 
     kind: Literal["deposited"]
@@ -463,11 +463,6 @@ class ParticleGroup(Table):
         if isinstance(self.packing, OutlinesPacking) and not isinstance(self.shape, FileShape):
             remedy = 'use shape = { kind = "file", file = "..." }, or another packing'
             yield Refused(("shape",), "there is no file of outlines to place", remedy)
-        is_dropped = isinstance(getattr(self.packing, "source", self.packing), DepositedPacking)
-        if self.outline is not None and is_dropped:
-            what = "grains that are no discs cannot be deposited, which rolls discs over each other"
-            remedy = 'use kind = "random", and let them settle under gravity'
-            yield Refused(("packing",), what, remedy)
         if self.outline is None and getattr(self.shape, "gyration", None) is not None:
             what = "grains that are discs have the moment of inertia ½ m r²"
             yield Refused(("shape", "gyration"), what, "remove gyration")

@@ -70,8 +70,6 @@ MISTAKES = {
     "center without inertia": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [0, 1]], "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
     "center of a clump without inertia": ({**clump({"center": [0, 0], "radius": 1.0}, {"center": [1, 0], "radius": 1.0}), "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
     "no thickness": (FIVE, {"thickness": None}, "", "no spheres need a thickness"),
-    "deposited": (FIVE, {"packing": {"kind": "deposited"}}, "packing", "cannot be deposited", '"random"'),
-    "tile of deposited": (FIVE, {"packing": {"kind": "tile", "source": {"kind": "deposited"}, "tile": [0.02, 0.02], "tile_fill": 0.2, "repeat": [2, 1]}, "count": None}, "packing", "cannot be deposited"),
     "placed as not drawn": (FIVE, {"packing": {"kind": "outlines"}, "sizes": None, "count": None}, "shape", "no file of outlines"),
     "turned discs": ("disc", {"orientation": {"kind": "uniform"}}, "orientation", "discs and spheres"),
     "turned discs of another name": ({"kind": "rod", "aspect": 1.0}, {"orientation": {"kind": "uniform"}}, "orientation", "discs and spheres"),
