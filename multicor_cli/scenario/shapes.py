@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
-from itertools import groupby, pairwise
-from operator import itemgetter
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.model.decomposition import STRAIGHT, convex_pieces, turns, without_idle
+from multicor_cli.model.decomposition import STRAIGHT, turns
 from multicor_cli.model.measures import Measures, measure, measure_polygons
 from multicor_cli.model.model import Floats
 from multicor_cli.model.outlines import Outlines, Piece
-from multicor_cli.model.shapes import Polygon, are_apart, fault_of_polygon
+from multicor_cli.model.shapes import Polygon, fault_of_polygon
 from multicor_cli.scenario.base import (
     COORDINATE_BOUNDS,
     Array,
@@ -32,11 +29,16 @@ from multicor_cli.scenario.base import (
     required,
     tag_table,
 )
-from multicor_cli.scenario.outline_files import read_geojson, read_wkt
+from multicor_cli.scenario.outline_files import (
+    MOST_CORNERS,
+    Drawn,
+    drawn,
+    faults_of_columns,
+    read_geojson,
+    read_wkt,
+    rings_of_grains,
+)
 from multicor_cli.scenario.problems import Refused
-
-MOST_CORNERS = 64
-"""Most corners of a piece, and most pieces of a grain."""
 
 Coordinates = Pair[Number]
 
@@ -355,98 +357,6 @@ class ClumpShape(GrainShape):
         return [[part.piece for part in self.pieces]]
 
 
-class _Outline(NamedTuple):
-    """A digitized grain: its rings, the outer one counter-clockwise and holes clockwise; pieces."""
-
-    rings: list[Floats]
-    pieces: list[Floats]
-
-
-@lru_cache(maxsize=64)  # it is needed for checks, sizes and packings
-def _drawn(rings: tuple[tuple[tuple[float, float], ...], ...]) -> _Outline:
-    """An outline of rings with corners in either order; `Refused`, without a key, if it is none."""
-    found: list[Floats] = []
-    for k, ring in enumerate(rings):
-        what, points = f"hole {k}: " if k else "", without_idle(np.array(ring))
-        fault = "less than three corners are left without those on straight sides"
-        if len(points) > 2:
-            fault = (fault_of_polygon(points) or (0, ""))[1]
-        if fault:
-            remedy = "draw the outline once around, as with shapely.make_valid"
-            raise Refused((), f"{what}{fault}", remedy)
-        is_left = Polygon(points).signed_size > 0.0
-        found.append(points if is_left == (k == 0) else points[::-1].copy())
-    corners = sum(map(len, found))
-    if corners > _MOST_DRAWN:
-        what = f"{corners} corners are more than {_MOST_DRAWN}"
-        raise Refused((), what, _SIMPLER)
-    _check_holes(found)
-    pieces = convex_pieces(found)
-    if pieces is None:
-        raise Refused((), "corners nearly touch a side or another corner", _SIMPLER)
-    most = max(len(pieces), *map(len, pieces))
-    if most > MOST_CORNERS:
-        kind = "convex pieces" if most == len(pieces) else "corners of a convex piece"
-        raise Refused((), f"{most} {kind} are more than {MOST_CORNERS}", _SIMPLER)
-    return _Outline(found, pieces)
-
-
-_MOST_DRAWN = 1000
-_SIMPLER = "leave out corners, as with shapely.simplify"
-
-
-def _check_holes(rings: list[Floats]) -> None:
-    """Raise `Refused` for a hole that is not within the outline, or touches it or another one."""
-    for k, hole in enumerate(rings[1:], 1):
-        ends = np.roll(hole, -1, axis=0)
-        for m, other in enumerate(rings[:k]):
-            others = np.roll(other, -1, axis=0)
-            is_apart = all(
-                are_apart(*side, other, others).all() for side in zip(hole, ends, strict=True)
-            )
-            is_inside = Polygon(other).depth(hole[:1])[0] > 0.0
-            if not is_apart or is_inside != (m == 0):
-                what = (
-                    f"hole {k} is not inside of the outline"
-                    if m == 0
-                    else f"holes {m} and {k} touch or overlap"
-                )
-                raise Refused((), what, "unite what touches, as with shapely.make_valid")
-
-
-def _rows_of_grains(
-    grain: Sequence[float], ring: Sequence[float], x: Sequence[float], y: Sequence[float]
-) -> Iterator[tuple[float, tuple[tuple[tuple[float, float], ...], ...]]]:
-    """Number of each grain, and its rings, of the columns of all corners."""
-    rows = zip(grain, ring or [0.0] * len(grain), zip(x, y, strict=True), strict=True)
-    for number, corners in groupby(rows, key=itemgetter(0)):
-        rings = groupby(corners, key=itemgetter(1))
-        yield number, tuple(tuple(point for _, _, point in each) for _, each in rings)
-
-
-def _faults_of_columns(values: Sequence[Sequence[float]]) -> Iterator[Refused]:
-    """What is wrong with outlines: the columns grain, ring (which may be empty), x and y."""
-    grain, ring, x, y = values
-    rows = len(grain)
-    if rows == 0 or (len(x), len(y), len(ring) or rows) != (rows, rows, rows):
-        what = f"{len(x)} x and {len(y)} y for {rows} corners"
-        what += f" with {len(ring)} rings" if ring else ""
-        yield Refused((), what, "give grain, x and y of each corner, or file")
-        return
-    for before, after in pairwise(zip(grain, ring or grain, strict=True)):
-        if after < before:
-            at = int(after[0] == before[0])
-            of = ("grain", "ring")[at]
-            remedy = f"let the corners of a {of} follow each other, ascending"
-            yield Refused((of,), f"{of} {after[at]:g} follows {before[at]:g}", remedy)
-            return
-    for number, rings in _rows_of_grains(grain, ring, x, y):
-        try:
-            _drawn(rings)
-        except Refused as error:
-            yield Refused(("grain",), f"grain {number:g}: {error.what}", error.remedy)
-
-
 class FileShape(GrainShape):
     """Outlines of digitized grains: polygons, which the grains of the group take in turn.
 
@@ -472,7 +382,7 @@ class FileShape(GrainShape):
 
     _read = columns_of_file(
         {".wkt": read_wkt, ".geojson": read_geojson, ".json": read_geojson},
-        _faults_of_columns,
+        faults_of_columns,
         grain=Column({"grain": 1.0}, (0.0, 1e9)),
         ring=Column({"ring": 1.0}, (0.0, 1e9), is_optional=True),
         x=Column({"x": 1.0}, COORDINATE_BOUNDS),
@@ -480,18 +390,18 @@ class FileShape(GrainShape):
     )
 
     def faults(self) -> Iterator[Refused]:
-        yield from _faults_of_columns((self.grain, self.ring, self.x, self.y))
+        yield from faults_of_columns((self.grain, self.ring, self.x, self.y))
 
-    def _outlines(self) -> list[_Outline]:
+    def _outlines(self) -> list[Drawn]:
         columns = (self.grain, self.ring, self.x, self.y)
-        return [_drawn(rings) for _, rings in _rows_of_grains(*columns)]
+        return [drawn(rings) for _, rings in rings_of_grains(*columns)]
 
     def forms(self, uniform: Floats) -> list[list[Piece]]:
-        return [[(piece, 0.0) for piece in drawn.pieces] for drawn in self._outlines()]
+        return [[(piece, 0.0) for piece in grain.pieces] for grain in self._outlines()]
 
     def _of_area(self, forms: Sequence[Sequence[Piece]]) -> Measures:
         """Of the polygons themselves: no side between pieces has to be found again."""
-        return measure_polygons([drawn.rings for drawn in self._outlines()])
+        return measure_polygons([grain.rings for grain in self._outlines()])
 
 
 ShapeTable = Annotated[

@@ -25,7 +25,9 @@ def outcomes(W, u, e, mu):
                 yield after
 
 
-@pytest.mark.parametrize(("e", "mu"), [(1.0, 0.3), (0.9, 1.2), (0.8, 0.5), (0.6, 2.0), (0.95, 0.05)])
+@pytest.mark.parametrize(
+    ("e", "mu"), [(1.0, 0.3), (0.9, 1.2), (0.8, 0.5), (0.6, 2.0), (0.95, 0.05)]
+)
 def test_the_largest_gain_is_that_of_the_worst_direction(e, mu):
     rng, gained = np.random.default_rng(7), 0
     for _ in range(6):
@@ -54,7 +56,9 @@ def test_rods_of_the_engine_gain_where_it_is_said_and_no_more(e, mu):
     )
     angle = rng.uniform(0.05, np.pi - 0.05, count)
     place = np.column_stack([3.0 * np.arange(count), radius + half * np.sin(angle), angle])
-    velocity = np.column_stack([rng.uniform(-2, 2, count), -np.ones(count), rng.uniform(-1, 1, count)])
+    velocity = np.column_stack(
+        [rng.uniform(-2, 2, count), -np.ones(count), rng.uniform(-1, 1, count)]
+    )
     engine = shaped_engine(model, place, velocity)
 
     def energy():

@@ -12,9 +12,7 @@ from multicor_cli.model.measures import measure, measure_polygons
 
 def rings_of(polygon):
     polygon = orient(polygon)
-    return [
-        without_idle(np.array(ring.coords)) for ring in (polygon.exterior, *polygon.interiors)
-    ]
+    return [without_idle(np.array(ring.coords)) for ring in (polygon.exterior, *polygon.interiors)]
 
 
 def star(rng, count, holes):
@@ -34,7 +32,9 @@ def star(rng, count, holes):
 
 def pixels(rng, size):
     """Polygons around squares of a grid: many corners in line, and many holes."""
-    boxes = [shapely.box(i, j, i + 1, j + 1) for i, j in np.argwhere(rng.random((size, size)) < 0.8)]
+    boxes = [
+        shapely.box(i, j, i + 1, j + 1) for i, j in np.argwhere(rng.random((size, size)) < 0.8)
+    ]
     union = shapely.union_all(boxes)
     for polygon in getattr(union, "geoms", [union]):
         corners = [c for ring in rings_of(polygon) for c in map(tuple, ring)]
@@ -92,7 +92,8 @@ def test_idle_corners_go():
 def test_measures_are_those_of_the_pieces_and_of_closed_forms():
     rng = np.random.default_rng(2)
     polygons = [star(rng, 20, 3) for _ in range(10)]
-    rings = [[ring + [300.0, -40.0] for ring in rings_of(polygon)] for polygon in polygons]
+    off = np.array([300.0, -40.0])
+    rings = [[ring + off for ring in rings_of(polygon)] for polygon in polygons]
     found = measure_polygons(rings)
     pieces = measure([[(piece, 0.0) for piece in convex_pieces(each)] for each in rings])
     for name, value in pieces._asdict().items():
@@ -100,7 +101,7 @@ def test_measures_are_those_of_the_pieces_and_of_closed_forms():
     assert found.area == pytest.approx([each.area for each in polygons], rel=1e-12)
     assert found.perimeter == pytest.approx([each.length for each in polygons], rel=1e-12)
     centers = [each.centroid.coords[0] for each in polygons]
-    assert found.center - [300.0, -40.0] == pytest.approx(np.array(centers), abs=1e-12)
+    assert found.center - off == pytest.approx(np.array(centers), abs=1e-12)
     # A square with a hole off its middle, by parallel axes
     outer, hole = shapely.box(0, 0, 4, 4), shapely.box(0.5, 0.5, 1.5, 1.5)
     one = measure_polygons([rings_of(outer.difference(hole))])

@@ -57,6 +57,7 @@ MISTAKES = {
     "hole beside": (drawn(BOX, [(1.0, 5, 0), (1.0, 6, 0), (1.0, 5, 1)]), {}, "shape.grain", "grain 1: hole 1 is not inside"),
     "hole that touches": (drawn(BOX, [(1.0, 0.5, 0), (1.0, 1, 0.5), (1.0, 0.5, 0.5)]), {}, "shape.grain", "hole 1 is not inside"),
     "hole in a hole": (drawn(BOX, [(1.0, 0.1, 0.1), (1.0, 1.5, 0.1), (1.0, 0.1, 0.9)], [(1.0, 0.2, 0.2), (1.0, 0.4, 0.2), (1.0, 0.2, 0.4)]), {}, "shape.grain", "holes 1 and 2 touch or overlap"),
+    "hole around a hole": (drawn(BOX, [(1.0, 0.2, 0.2), (1.0, 0.4, 0.2), (1.0, 0.2, 0.4)], [(1.0, 0.1, 0.1), (1.0, 1.5, 0.1), (1.0, 0.1, 0.9)]), {}, "shape.grain", "holes 1 and 2 touch or overlap"),
     "crossed hole": (drawn(BOX, [(1.0, 0.1, 0.1), (1.0, 0.9, 0.9), (1.0, 0.9, 0.1), (1.0, 0.1, 0.9)]), {}, "shape.grain", "grain 1: hole 1: the side from"),
     "rings that descend": ({**drawn(BOX), "ring": [0, 1, 0, 1]}, {}, "shape.ring", "ring 0 follows 1"),
     "rings that lack": ({**drawn(BOX), "ring": [0, 1]}, {}, "shape", "4 corners with 2 rings"),
@@ -216,7 +217,12 @@ CSV = "grain,ring,x,y\n" + "".join(
     for k, corners in enumerate(rings)
     for corner in corners
 )
-FILES = {"a.wkt": WKT, "a.geojson": json.dumps(GEOJSON), "a.json": json.dumps(GEOJSON), "a.csv": CSV}
+FILES = {
+    "a.wkt": WKT,
+    "a.geojson": json.dumps(GEOJSON),
+    "a.json": json.dumps(GEOJSON),
+    "a.csv": CSV,
+}
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -229,7 +235,11 @@ def test_outlines_are_alike_in_all_kinds_of_files(name, tmp_path):
     model = build(scenario)[0]
     outlines = model.outlines
     assert [len(outlines.pieces(k)) for k in range(3)] == [1, 4, 2]
-    reach = [8**0.5, 8**0.5, np.hypot(3 - 5 / 6, 5 / 6)]  # two triangles, their center at (5/6, 5/6)
+    reach = [
+        8**0.5,
+        8**0.5,
+        np.hypot(3 - 5 / 6, 5 / 6),
+    ]  # two triangles, their center at (5/6, 5/6)
     area = np.array([16.0, 12.0, 3.0]) / np.square(reach) * 1e-6
     assert model.area == pytest.approx(area, rel=1e-12)
     assert model.perimeter[:2] == pytest.approx(np.array([16.0, 24.0]) / 8**0.5 * 1e-3)
