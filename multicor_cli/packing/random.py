@@ -34,6 +34,7 @@ _DENSEST_FRACTION = math.pi / math.sqrt(12.0)
 _ACCEPTED_OVERLAP = 5e-4
 _ITERATIONS = 20_000
 _PATIENCE, _ENDLESS = 2_000, 10**9  # of grains that are no discs
+_SEED = 0.25  # of the size at which they are free where these are known to be
 _GROWTH = 1.05  # they grow by this factor at a time,
 _LOOSE = 0.01  # and this overlap over the smaller reach is left until they have their size
 _WEIGHT = 1e-3  # of grains that settle, over the smallest reach: how far it sinks into its support
@@ -105,9 +106,11 @@ def pack_outlines(
         raise refusal(reach.size, fraction, "and hardly any of its points is free")
     center, is_complete = inserted
     position = np.column_stack([center, angle])
-    is_made = shrink == 1.0 and is_complete and solid.grains is None
-    if region.is_periodic_in_y or not is_made:
+    is_free = is_complete and not region.is_periodic_in_y and solid.grains is None
+    if shrink < 1.0 or not is_free:
         steps = 0
+        if not is_free:  # outlines that are not convex would hook into each other
+            shrink *= _SEED
         while shrink < 1.0:
             grown = wide.scaled(np.full(reach.size, shrink))
             steps += _relax_outlines(position, grown, region, solid, _LOOSE, turns=turns)[1]
