@@ -35,6 +35,7 @@ LIBRARIES = {
     "scipy": Library("scipy", "plots", "drawn points, fits, networks and survival"),
     "pandas": Library("pandas", "study", "DataFrames"),
     "pyarrow": Library("pyarrow", "study", "Parquet files"),
+    "shapely": Library("shapely", "shapes", "outlines in WKT and GeoJSON"),
 }
 """By the name under which each is imported."""
 

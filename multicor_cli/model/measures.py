@@ -98,11 +98,32 @@ def measure(grains: Sequence[Sequence[Piece]]) -> Measures:
             else:
                 arcs.append((k, *part.center, part.radius, *part.normal(0.0), *part.normal(1.0),
                              part.angle))  # fmt: skip
+    return _integrated(lines, arcs, origins)
+
+
+def measure_polygons(grains: Sequence[Sequence[Floats]]) -> Measures:
+    """Measures of polygons by their rings, the outline counter-clockwise, any holes clockwise."""
+    origins = np.array([rings[0][0] for rings in grains]).reshape(-1, 2)
+    lines = [
+        (k, *start, *end)
+        for k, rings in enumerate(grains)
+        for ring in rings
+        for start, end in _around([(x, y) for x, y in (ring - origins[k]).tolist()])
+    ]
+    return _integrated(lines, [], origins)
+
+
+def _integrated(
+    lines: Sequence[tuple[float, ...]], arcs: Sequence[tuple[float, ...]], origins: Floats
+) -> Measures:
+    """Measures of what parts of boundaries surround, by the rows that `_of_lines` and `_of_arcs`
+    take; ``origins`` are those of the grains [m], shape ``(n, 2)``.
+    """
     along = _of_lines(np.array(lines).reshape(-1, 5))
     around = _of_arcs(np.array(arcs).reshape(-1, 9))
     owner = np.concatenate([[int(row[0]) for row in rows] for rows in (lines, arcs)]).astype(int)
     columns = np.concatenate([along, around], axis=1)
-    sums = np.array([np.bincount(owner, each, len(grains)) for each in columns], float)
+    sums = np.array([np.bincount(owner, each, len(origins)) for each in columns], float)
     area, perimeter, x, y, polar = sums
     x, y, polar = x / area, y / area, polar / area
     center = np.column_stack([x, y]) + origins
@@ -200,14 +221,18 @@ def _is_seen(point: Point, normal: Point, piece: Piece, slack: float, *, is_firs
     Where both boundaries run together on the same side the first one counts, and none of two that
     are back to back.
     """
-    distance, (nx, ny) = _distance(point, piece)
+    distance, (nx, ny) = _distance(point, piece, slack)
     if abs(distance) > slack:
         return distance > 0.0
     return is_first and nx * normal[0] + ny * normal[1] > 0.0
 
 
-def _distance(point: Point, piece: Piece) -> tuple[float, Point]:
-    """How far a point is outside of a piece [m], and the normal there."""
+def _distance(point: Point, piece: Piece, slack: float) -> tuple[float, Point]:
+    """How far a point is outside of a piece [m], and the normal there.
+
+    Of points that are less than the ``slack`` off a side [m] it is that of the side: the way to
+    them is rounding.
+    """
     x, y = point
     corners, rounding = piece[0].tolist(), piece[1]
     best, normal = math.inf, (1.0, 0.0)
@@ -225,7 +250,7 @@ def _distance(point: Point, piece: Piece) -> tuple[float, Point]:
         dx, dy = x - ax - share * ex, y - ay - share * ey
         if (away := hypot(dx, dy)) < best:
             best, normal = away, (dx / away, dy / away) if away > 0.0 else normal
-    if len(corners) > 2 and (inside <= 0.0 or best == 0.0):
+    if len(corners) > 2 and inside <= slack:
         return inside - rounding, out
     return best - rounding, normal
 

@@ -152,7 +152,7 @@ class Polygon(Area):
     def polar_moment(self) -> float:
         """Polar second moment of area about the centroid, ∫ r² dA [m⁴] (by Green's theorem)."""
         here, after, product = self._products()
-        square = _dot(here, here) + _dot(here, after) + _dot(after, after)
+        square = dot(here, here) + dot(here, after) + dot(after, after)
         about_first = total(product * square) / 12.0
         away = self.centroid - self.points[0]
         return abs(about_first) - self.size * float(away[0] * away[0] + away[1] * away[1])
@@ -181,7 +181,7 @@ class Polygon(Area):
         start = self.points
         way = np.roll(start, -1, axis=0) - start
         px, py = points[:, :1] - start[:, 0], points[:, 1:2] - start[:, 1]
-        foot = np.clip((px * way[:, 0] + py * way[:, 1]) / _dot(way, way), 0.0, 1.0)
+        foot = np.clip((px * way[:, 0] + py * way[:, 1]) / dot(way, way), 0.0, 1.0)
         distance = _length(px - foot * way[:, 0], py - foot * way[:, 1]).min(axis=1)
         # A side that spans the height of the point lies to the right of it if the point is on its
         # left, or right for a falling one.
@@ -256,8 +256,8 @@ def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
         k = int(again[0])
         return k, f"the point {points[k].tolist()} is given twice"
     before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
-    cross, along = _cross(before, after), _dot(before, after)
-    back = np.flatnonzero((cross == 0.0) & (along < 0.0))
+    turn, along = cross(before, after), dot(before, after)
+    back = np.flatnonzero((turn == 0.0) & (along < 0.0))
     if back.size:
         k = int(back[0])
         return k, f"the outline runs back on itself at {points[k].tolist()}"
@@ -273,22 +273,26 @@ def _first_crossed(points: Floats, k: int) -> int | None:
     """The first side after ``k`` that shares a point with it and is not its neighbor."""
     ends = np.roll(points, -1, axis=0)
     last = len(points) - (1 if k == 0 else 0)
-    a, b, c, d = points[k], ends[k], points[k + 2 : last], ends[k + 2 : last]
-    parted = _cross(b - a, c - a) * _cross(b - a, d - a) > 0.0
-    parted |= _cross(d - c, a - c) * _cross(d - c, b - c) > 0.0
-    # On one line: they share a point if their extents do.
-    parted |= ((np.minimum(a, b) > np.maximum(c, d)) | (np.maximum(a, b) < np.minimum(c, d))).any(
-        axis=1
-    )
-    found = np.flatnonzero(~parted)
+    found = np.flatnonzero(~are_apart(points[k], ends[k], points[k + 2 : last], ends[k + 2 : last]))
     return k + 2 + int(found[0]) if found.size else None
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
+def are_apart(a: Floats, b: Floats, c: Floats, d: Floats) -> NDArray[np.bool_]:
+    """Whether the line from a to b shares no point with those from c to d, shape ``(s, 2)``."""
+    parted = cross(b - a, c - a) * cross(b - a, d - a) > 0.0
+    parted |= cross(d - c, a - c) * cross(d - c, b - c) > 0.0
+    # On one line: they share a point if their extents do.
+    beyond = (np.minimum(a, b) > np.maximum(c, d)) | (np.maximum(a, b) < np.minimum(c, d))
+    return np.asarray(parted | beyond.any(axis=1))
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross products a × b of vectors, shape ``(…, 2)``."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
+def dot(a: Floats, b: Floats) -> Floats:
+    """Dot products a · b of vectors, shape ``(…, 2)``."""
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal, Walls
 from multicor_cli.model.cell import CELL
-from multicor_cli.model.columns import RADIUS, SPIN, X, Y
+from multicor_cli.model.columns import ANGLE, RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import nudge, nudge_seed
@@ -129,10 +129,18 @@ def _refuse_unknown_forces(scenario: Scenario, source: other_run.Source, state: 
 def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
     """The grains of all groups; problems of all groups are reported together."""
     groups: list[InitialGrains] = []
-    errors, placed, domain = [], np.zeros((0, 3)), scenario.domain
+    errors, domain = [], scenario.domain
+    placed: list[tuple[InitialGrains, Floats]] = []
     for k, table in enumerate(scenario.particles):
+        obstacles = walls.obstacles(k)
+        for earlier, discs in placed:
+            if earlier.forms is None:
+                obstacles = obstacles.with_discs(discs)
+            else:
+                angle = earlier.position[:, ANGLE]
+                obstacles = obstacles.with_grains(discs, earlier.forms.outlines, angle)
         try:
-            group = make_group(scenario, k, walls.obstacles(k).with_discs(placed))
+            group = make_group(scenario, k, obstacles)
             largest = float(group.radius.max(initial=0.0))
             if domain.is_periodic and min(domain.periods) < 2.0 * LEAST_DIAMETERS * largest:
                 text = (
@@ -147,11 +155,11 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
         groups.append(group)
         if table.packing is not None:
             discs = np.column_stack([_wrapped(scenario, group.position), group.radius])
-            placed = np.concatenate([placed, discs])
+            placed.append((group, discs))
             if domain.is_cell:  # with the images in y; those in x are known from the period
                 image = discs.copy()
                 image[:, Y] += np.where(discs[:, Y] < 0.5 * domain.size[1], 1, -1) * domain.size[1]
-                placed = np.concatenate([placed, image])
+                placed.append((group, image))
     if errors:
         raise scenario.refuse(*errors)
     return groups
@@ -221,7 +229,7 @@ def _refuse_ranges(scenario: Scenario, model: Model) -> None:
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
     names, mass, inertia = list(scenario.materials), [], []
     for table, group in zip(scenario.particles, groups, strict=True):
-        density = scenario.materials[table.material].density
+        density = table.solid * scenario.materials[table.material].density
         mass.append(masses(group.radius, density, table.body, table.thickness, group.forms))
         inertia.append(inertias(group.radius, mass[-1], table.body, group.forms))
     counts = [group.radius.size for group in groups]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from multicor_cli.model.measures import measure
 from multicor_cli.model.model import Floats
-from multicor_cli.model.outlines import Outlines, Piece
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.packing.initial_grains import Forms, InitialGrains
 from multicor_cli.packing.sizes import Purpose, Stream
 from multicor_cli.scenario.particles import OutlinesPacking, ParticleGroup
@@ -34,15 +33,16 @@ def forms_of(shape: GrainShape | None, random: Callable[[Purpose], Stream]) -> M
 
 
 def _of_size_one(shape: GrainShape, uniform: Floats) -> Forms:
-    forms, _ = _around_centers(shape.forms(uniform))
+    forms, _ = _around_centers(shape, uniform)
     if shape.size == "area":
         return forms.scaled(1.0 / np.sqrt(forms.outlines.area / math.pi))
     return forms.scaled(1.0 / forms.outlines.radius)
 
 
-def _around_centers(grains: Sequence[Sequence[Piece]]) -> tuple[Forms, Floats]:
+def _around_centers(shape: GrainShape, uniform: Floats) -> tuple[Forms, Floats]:
     """Grains around their centers of mass, and where these are [m], shape ``(n, 2)``."""
-    found = measure(grains)
+    grains = shape.forms(uniform)
+    found = shape.measures(grains)
     local = [
         [(corners - center, rounding) for corners, rounding in grain]
         for grain, center in zip(grains, found.center, strict=True)
@@ -81,7 +81,7 @@ def turned(
 
 def outlined_as_drawn(shape: GrainShape, packing: OutlinesPacking) -> InitialGrains:
     """Grains where the file of their shape draws them."""
-    forms, center = _around_centers(shape.forms(np.zeros((1, 0))))
+    forms, center = _around_centers(shape, np.zeros((1, 0)))
     forms = forms.scaled(np.full(len(center), packing.scale))
     place = packing.scale * center + np.array(packing.shift)
     return InitialGrains.at_rest(forms.outlines.radius, place, forms)

@@ -11,6 +11,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.file import read_frame, read_grains
@@ -23,9 +24,8 @@ from multicor_cli.packing.forms import (
 )
 from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, masses
 from multicor_cli.packing.lattice import lay_out, repeat_tile
-from multicor_cli.packing.outlined import pack_outlines
 from multicor_cli.packing.placing import deposit
-from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
+from multicor_cli.packing.random import DEFAULT_ATTEMPTS, pack_outlines, random_packing
 from multicor_cli.packing.sizes import (
     Purpose,
     SizeDistribution,
@@ -247,23 +247,28 @@ def _make(scenario: Scenario, group: ParticleGroup, packing: Packing, task: _Tas
     if isinstance(packing, LatticePacking):
         return _on_lattice(group, packing, task)
     radius, places = task.radii(), task.random(Purpose.PLACES)
-    if isinstance(packing, DepositedPacking):
-        return InitialGrains.at_rest(radius, deposit(radius, region, obstacles, places))
+    settles, knows_discs = isinstance(packing, DepositedPacking), obstacles.grains is None
     separation, attempts = 0.0, DEFAULT_ATTEMPTS
     if isinstance(packing, RandomPacking):
         separation, attempts = packing.separation, packing.attempts
-    forms = None
-    if task.forms is None:
+    forms = None if task.forms is None else task.forms(radius.size).scaled(radius)
+    if forms is None and settles and knows_discs:
+        center = deposit(radius, region, obstacles, places)
+    elif forms is None and knows_discs:
         center = random_packing(radius, region, obstacles, separation, attempts, places)
     else:
-        forms = task.forms(radius.size).scaled(radius)
-        radius, angle = forms.outlines.radius, angles_of(group, radius.size, task.random)
+        angle, outlines = np.zeros(radius.size), Outlines.of_discs(radius)
+        if forms is not None:
+            angle, outlines = angles_of(group, radius.size, task.random), forms.outlines
+        radius = outlines.radius
         turns = not isinstance(group.orientation, FixedOrientation | ListOrientation)
         center = pack_outlines(
-            forms.outlines, angle, region, obstacles, separation, attempts, places, turns=turns
+            outlines, angle, region, obstacles, separation, attempts, places,
+            turns=turns and forms is not None, settles=settles,
         )  # fmt: skip
     if isinstance(packing, CompactedPacking):
-        friction, density = packing.friction, scenario.materials[group.material].density
+        friction = packing.friction
+        density = group.solid * scenario.materials[group.material].density
         if friction is None:  # at rest, as a compaction ends
             friction = scenario.law(group.material, group.material).coefficient
         center = compact(

@@ -49,7 +49,7 @@ def masses(
 ) -> Floats:
     """Mass of each grain [kg]: π a² h ρ of a disc of thickness h, 4/3 π a³ ρ of a sphere.
 
-    Radii a [m], density ρ [kg/m³], thickness h [m]; A h ρ of a grain of another area A.
+    Radii a [m], mean density ρ [kg/m³], thickness h [m]; A h ρ of a grain of another area A.
     """
     if shape == "sphere":
         return np.asarray(4.0 / 3.0 * math.pi * (radius * radius * radius) * density)

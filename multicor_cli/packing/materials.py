@@ -163,7 +163,7 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
     if material.heat_capacity is None:
         message = "a material of grains without heat capacity"  # loading a scenario excludes it
         raise ValueError(message)
-    mass = masses(radius, material.density, group.body, group.thickness, grains.forms)
+    mass = masses(radius, group.solid * material.density, group.body, group.thickness, grains.forms)
     # 4π a² of a sphere, 2π a h of a disc, perimeter times h of other grains
     height = np.full(radius.size, group.thickness or math.nan)
     perimeter = 2.0 * math.pi * radius

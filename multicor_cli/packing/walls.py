@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from multicor_cli.engine.jit import arrays
 from multicor_cli.model import WallBody
 from multicor_cli.model.columns import RADIUS, TAIL_X, X, Y
 from multicor_cli.model.model import Floats, Ints, Walls, WallShapes
+from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeKind, Tail, outlines
 from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses
 from multicor_cli.packing.sizes import (
@@ -135,6 +136,9 @@ def _check_length(length: float, needed: float, what: str) -> None:
 OPEN = Room()
 """All of the plane."""
 
+GRAIN = 3
+"""Column of discs among obstacles: 1 + the number of the grain around which it is drawn, or 0."""
+
 
 @dataclass(frozen=True)
 class Obstacles:
@@ -142,13 +146,16 @@ class Obstacles:
 
     ``room`` is what solid bodies and the region leave: outlines do not tell on which side to be.
     ``lids`` are heights of the lowest points of rows of glued grains under which grains are to be
-    [m].
+    [m]. Of grains that are no discs, ``grains``, with their angles, there are the circles around
+    them, which know their number.
     """
 
     kind: Ints
     world: Floats
     room: Room = OPEN
     lids: tuple[float, ...] = ()
+    grains: Outlines | None = None
+    angle: Floats = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def none(cls) -> Obstacles:
@@ -167,6 +174,27 @@ class Obstacles:
         rows = np.zeros((len(discs), 4))
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
+
+    def with_grains(self, discs: Floats, outlines: Outlines, angle: Floats) -> Obstacles:
+        """Append grains that are no discs: x, y, reach [m], shape ``(k, 3)``, angles [rad]."""
+        rows = np.column_stack([discs, 1.0 + self.angle.size + np.arange(len(discs))])
+        parts = [outlines] if self.grains is None else [self.grains, outlines]
+        added = replace(
+            self, grains=Outlines.joined(parts), angle=np.concatenate([self.angle, angle])
+        )
+        return added._append(ShapeKind.DISC, rows)
+
+    @property
+    def is_grain(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Which shapes stand for grains that are no discs."""
+        return np.asarray(self.is_disc & (self.world[:, GRAIN] > 0.0))
+
+    def parted(self) -> tuple[Obstacles, Obstacles]:
+        """All but the grains that are no discs, which go to infinity, and these alone."""
+        is_grain, world = self.is_grain, self.world.copy()
+        world[is_grain, Y] = math.inf  # vertices know lines by their numbers
+        alone = replace(self, kind=self.kind[is_grain], world=self.world[is_grain])
+        return replace(self, world=world), alone
 
     def with_sides(self, region: PackingRegion) -> Obstacles:
         """Append planes along those sides of ``region`` that are closed."""

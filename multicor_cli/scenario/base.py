@@ -228,14 +228,30 @@ _refused = partial(Refused, ("file",))
 
 
 class Column(NamedTuple):
-    """Names that a column may have, each with a factor, and the bounds of values times that."""
+    """Names that a column may have, each with a factor, and the bounds of values times that.
+
+    ``is_optional``: the file may lack it.
+    """
 
     names: dict[str, float]
     bounds: tuple[float, float]
+    is_optional: bool = False
 
 
-def columns_of_file(**columns: Column) -> Any:
-    """Validator of a table that may name a CSV ``file`` in place of arrays, by their keys."""
+ColumnReader = Callable[[str], list[list[float]]]
+"""What reads the columns from a text; raises `ValueError` if it is none that it knows."""
+
+
+def columns_of_file(
+    others: Mapping[str, ColumnReader] = MappingProxyType({}),
+    check: Callable[[list[list[float]]], Iterator[Refused]] = lambda values: iter(()),
+    **columns: Column,
+) -> Any:
+    """Validator of a table that may name a CSV ``file`` in place of arrays, by their keys.
+
+    Files whose names end as ``others`` say are read by these; what ``check`` finds wrong with the
+    columns is told of the file.
+    """
 
     def read(data: Any, info: ValidationInfo) -> Any:
         if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
@@ -243,20 +259,40 @@ def columns_of_file(**columns: Column) -> Any:
         for key in columns:
             if key in data:
                 raise Refused((key,), f"both file and {key} are given", "give one of them")
-        values = _read_columns(data["file"], info, list(columns.values()))
+        name = data["file"]
+        path = Path((info.context or {}).get(DIRECTORY, ".")) / name
+        if (reader := others.get(path.suffix.lower())) is not None:
+            values = _read_other(path, name, reader)
+        else:
+            values = _read_columns(path, name, list(columns.values()))
+        for fault in check(values):
+            raise _refused(f"'{name}': {fault.what}", fault.remedy)
         return data | {"file": None} | dict(zip(columns, values, strict=True))
 
     return model_validator(mode="before")(staticmethod(read))
 
 
-def _read_columns(name: str, info: ValidationInfo, columns: list[Column]) -> list[list[float]]:
+def _read_other(path: Path, name: str, reader: ColumnReader) -> list[list[float]]:
+    """The columns of a text file of another kind; `Refused` if it cannot be read."""
+    with (
+        reading_input(name, "text in UTF-8", ("file",)),
+        io.TextIOWrapper(open_regular(path, MAX_BYTES), "utf-8-sig") as file,
+    ):
+        text = file.read()
+    try:
+        return reader(text)
+    except ValueError as error:
+        raise _refused(f"'{name}': {error}", "correct it") from None
+
+
+def _read_columns(path: Path, name: str, columns: list[Column]) -> list[list[float]]:
     """The columns of a CSV file; its first line names them, others may stand between them.
 
     Raises:
         Refused: The file cannot be read, lacks a column, or has a value out of bounds.
     """
-    rows = _rows(Path((info.context or {}).get(DIRECTORY, ".")) / name, name)
-    example = ",".join(next(iter(column.names)) for column in columns)
+    rows = _rows(path, name)
+    example = ",".join(next(iter(column.names)) for column in columns if not column.is_optional)
     remedy = (
         f"let the first line name the columns, as {example}, and each further line give their "
         "numbers"
@@ -265,8 +301,11 @@ def _read_columns(name: str, info: ValidationInfo, columns: list[Column]) -> lis
         raise _refused(f"'{name}' is empty", remedy)
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
-    for names, bounds in columns:
+    for names, bounds, is_optional in columns:
         given = [title for title in names if title in header]
+        if is_optional and not given:
+            values.append([])
+            continue
         if len(given) != 1:
             what = "several columns" if given else "no column"
             raise _refused(f"'{name}' has {what} {' or '.join(names)}", remedy)

@@ -88,7 +88,7 @@ class RandomPacking(Table):
 
 class DepositedPacking(Table):
     """Grains dropped one after the other; each rolls down until it rests on two others, a wall or
-    the floor of the region.
+    the floor of the region. Grains that are no discs sink from a random packing all together.
     """
 
     kind: Literal["deposited"]
@@ -437,6 +437,11 @@ class ParticleGroup(Table):
             return None
         return self.shape
 
+    @property
+    def solid(self) -> float:
+        """Mass of a grain over that of its true area and the density of its material."""
+        return self.shape.solid if isinstance(self.shape, GrainShape) else 1.0
+
     def faults(self) -> Iterator[Refused]:
         yield from self._faults_of_coming()
         yield from self._faults_of_outlines()
@@ -458,11 +463,9 @@ class ParticleGroup(Table):
         if isinstance(self.packing, OutlinesPacking) and not isinstance(self.shape, FileShape):
             remedy = 'use shape = { kind = "file", file = "..." }, or another packing'
             yield Refused(("shape",), "there is no file of outlines to place", remedy)
-        is_dropped = isinstance(getattr(self.packing, "source", self.packing), DepositedPacking)
-        if self.outline is not None and is_dropped:
-            what = "grains that are no discs cannot be deposited, which rolls discs over each other"
-            remedy = 'use kind = "random", and let them settle under gravity'
-            yield Refused(("packing",), what, remedy)
+        if self.outline is None and getattr(self.shape, "gyration", None) is not None:
+            what = "grains that are discs have the moment of inertia ½ m r²"
+            yield Refused(("shape", "gyration"), what, "remove gyration")
         if self.orientation is None:
             return
         if self.outline is None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.model.measures import measure
+from multicor_cli.model.decomposition import STRAIGHT, turns
+from multicor_cli.model.measures import Measures, measure, measure_polygons
 from multicor_cli.model.model import Floats
 from multicor_cli.model.outlines import Outlines, Piece
 from multicor_cli.model.shapes import Polygon, fault_of_polygon
@@ -29,13 +29,16 @@ from multicor_cli.scenario.base import (
     required,
     tag_table,
 )
+from multicor_cli.scenario.outline_files import (
+    MOST_CORNERS,
+    Drawn,
+    drawn,
+    faults_of_columns,
+    read_geojson,
+    read_wkt,
+    rings_of_grains,
+)
 from multicor_cli.scenario.problems import Refused
-
-MOST_CORNERS = 64
-"""Most corners of a piece, and most pieces of a grain."""
-
-_STRAIGHT = 1e-9
-"""Sine of the largest turn of an outline that is no corner."""
 
 Coordinates = Pair[Number]
 
@@ -54,16 +57,13 @@ def convex(points: Floats) -> Floats:
         remedy = "give each corner once, in their order along the outline"
         raise Refused((fault[0],), fault[1], remedy)
     is_left = Polygon(points).signed_size > 0.0
-    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    size = np.sqrt((before * before)[:, 0] + (before * before)[:, 1])
-    size *= np.sqrt((after * after)[:, 0] + (after * after)[:, 1])
-    turn = (cross if is_left else -cross) / size
+    turn = turns(points) if is_left else -turns(points)
     k = int(np.argmin(turn))
-    if turn[k] < -_STRAIGHT:
+    if turn[k] < -STRAIGHT:
         what = f"the outline is not convex at {points[k].tolist()}"
-        raise Refused((k,), what, 'use kind = "clump" with convex pieces that overlap or touch')
-    kept = points[turn > _STRAIGHT]
+        remedy = 'use kind = "clump" with convex pieces that overlap or touch, or kind = "file"'
+        raise Refused((k,), what, remedy)
+    kept = points[turn > STRAIGHT]
     if len(kept) < 3:
         raise Refused((), "the corners lie on a line", "give an outline that covers an area")
     return kept if is_left else kept[::-1].copy()
@@ -87,6 +87,20 @@ class GrainShape(Table):
         "reach",
     )
 
+    solid: float = optional(
+        "mass of a grain over that of its true area, thickness and density: below 1 of porous or "
+        "hollow grains, or of those that are thinner at their sides",
+        1.0,
+        gt=0.0,
+        le=100.0,
+    )
+    gyration: float | None = optional(
+        "radius of gyration about the center of mass over the reach, by which the moment of "
+        "inertia is m (gyration reach)²; default: that of the true area",
+        gt=0.0,
+        le=1.0,
+    )
+
     @property
     def is_disc(self) -> bool:
         """Whether it is one after all."""
@@ -104,6 +118,22 @@ class GrainShape(Table):
         ``uniform`` are ``draws`` numbers between 0 and 1 for each grain, shape ``(n, draws)``.
         """
 
+    def measures(self, forms: Sequence[Sequence[Piece]]) -> Measures:
+        """Area and perimeter of `forms`, their center of mass and gyration as given if they are."""
+        found = self._of_area(forms)
+        center = getattr(self, "center", None)
+        if center is not None:
+            found = found._replace(center=np.tile(center, (len(forms), 1)))
+        if self.gyration is not None:
+            places = zip(forms, found.center, strict=True)
+            radius = self.gyration * np.array([_reach(list(form), at) for form, at in places])
+            found = found._replace(gyration=radius * radius)
+        return found
+
+    def _of_area(self, forms: Sequence[Sequence[Piece]]) -> Measures:
+        """Measures of the true area."""
+        return measure(forms)
+
     @property
     def filled(self) -> float:
         """Least area of a grain over that of a disc of its size; 0 where it is not known."""
@@ -112,7 +142,7 @@ class GrainShape(Table):
         if self.draws:
             return 0.0
         forms = self.forms(np.zeros((1, 0)))
-        found = measure(forms)
+        found = self.measures(forms)
         reach = np.array([_reach(*form) for form in zip(forms, found.center, strict=True)])
         return float((found.area / (math.pi * (reach * reach))).min())
 
@@ -124,6 +154,15 @@ def _reach(pieces: list[Piece], center: Floats) -> float:
 
 
 _ONE = np.ones(1)
+
+_CENTER = "center of mass in the unit of the corners, with gyration; default: that of the true area"
+
+
+def _fault_of_center(center: Coordinates | None, gyration: float | None) -> Iterator[Refused]:
+    """What is wrong with a center of mass that is given: mass is then not as the area."""
+    if center is not None and gyration is None:
+        what = "with a center of mass by hand the moment of inertia is not that of the area"
+        yield Refused(("center",), what, "give gyration too")
 
 
 class DiscShape(Table):
@@ -185,6 +224,8 @@ class PolygonShape(GrainShape):
         le=0.9,
     )
 
+    center: Coordinates | None = optional(_CENTER)
+
     @field_validator("vertices")
     @classmethod
     def _convex(
@@ -194,6 +235,10 @@ class PolygonShape(GrainShape):
 
     def faults(self) -> Iterator[Refused]:
         yield from exactly_one(self, "sides", "vertices", "give one of them")
+        if self.vertices is None and self.center is not None:
+            what = "a center of mass by hand is a point among vertices"
+            yield Refused(("center",), what, "give vertices in place of sides")
+        yield from _fault_of_center(self.center, self.gyration)
         for key, none in (("elongation", 1.0), ("irregular", 0.0)):
             if self.vertices is not None and getattr(self, key) != none:
                 yield Refused((key,), f"{key} is of regular polygons", "remove it, or give sides")
@@ -299,6 +344,10 @@ class ClumpShape(GrainShape):
         min_length=1,
         max_length=MOST_CORNERS,
     )
+    center: Coordinates | None = optional(_CENTER)
+
+    def faults(self) -> Iterator[Refused]:
+        yield from _fault_of_center(self.center, self.gyration)
 
     @property
     def is_disc(self) -> bool:
@@ -309,55 +358,50 @@ class ClumpShape(GrainShape):
 
 
 class FileShape(GrainShape):
-    """Outlines of digitized grains: convex polygons, which the grains of the group take in turn."""
+    """Outlines of digitized grains: polygons, which the grains of the group take in turn.
+
+    Those that are not convex, or have holes, are clumps of convex pieces.
+    """
 
     kind: Literal["file"]
     file: str | None = optional(
-        "CSV file with the columns grain, x, y in place of the three arrays: a row for each corner"
+        "CSV file with the columns grain, x, y (and ring, for holes) in place of the arrays: a row "
+        "for each corner; or polygons in WKT (.wkt) or GeoJSON (.geojson, .json)"
     )
     grain: Array[Number] = optional(
         "number of the grain to which each corner belongs, ascending", (), max_length=100_000
+    )
+    ring: Array[Number] = optional(
+        "number of the ring to which each corner belongs, ascending in each grain: the first is "
+        "the outline, others are holes; default: there are no holes",
+        (),
+        max_length=100_000,
     )
     x: Array[Number] = optional("x of each corner, in any unit", (), max_length=100_000)
     y: Array[Number] = optional("y of each corner", (), max_length=100_000)
 
     _read = columns_of_file(
+        {".wkt": read_wkt, ".geojson": read_geojson, ".json": read_geojson},
+        faults_of_columns,
         grain=Column({"grain": 1.0}, (0.0, 1e9)),
+        ring=Column({"ring": 1.0}, (0.0, 1e9), is_optional=True),
         x=Column({"x": 1.0}, COORDINATE_BOUNDS),
         y=Column({"y": 1.0}, COORDINATE_BOUNDS),
     )
 
     def faults(self) -> Iterator[Refused]:
-        rows = len(self.grain)
-        if rows == 0 or (len(self.x), len(self.y)) != (rows, rows):
-            what = f"{len(self.x)} x and {len(self.y)} y for {rows} corners"
-            yield Refused((), what, "give grain, x and y of each corner, or file")
-        number = np.array(self.grain)
-        below = np.flatnonzero(np.diff(number) < 0.0)
-        if below.size:
-            k = int(below[0]) + 1
-            what = f"grain {number[k]:g} follows {number[k - 1]:g}"
-            yield Refused(
-                ("grain",), what, "let the corners of a grain follow each other, ascending"
-            )
-        for name, points in self._outlines():
-            if len(points) > MOST_CORNERS:
-                what = f"grain {name:g} has {len(points)} corners, more than {MOST_CORNERS}"
-                yield Refused(("grain",), what, "give fewer corners")
-            try:
-                convex(points)
-            except Refused as error:
-                yield Refused(("grain",), f"grain {name:g}: {error.what}", error.remedy)
+        yield from faults_of_columns((self.grain, self.ring, self.x, self.y))
 
-    def _outlines(self) -> Iterator[tuple[float, Floats]]:
-        """The number of each grain and its corners."""
-        number, points = np.array(self.grain), np.column_stack([self.x, self.y])
-        ends = np.flatnonzero(np.diff(number)) + 1
-        for first, last in pairwise([0, *ends.tolist(), number.size]):
-            yield float(number[first]), points[first:last]
+    def _outlines(self) -> list[Drawn]:
+        columns = (self.grain, self.ring, self.x, self.y)
+        return [drawn(rings) for _, rings in rings_of_grains(*columns)]
 
     def forms(self, uniform: Floats) -> list[list[Piece]]:
-        return [[(convex(points), 0.0)] for _, points in self._outlines()]
+        return [[(piece, 0.0) for piece in grain.pieces] for grain in self._outlines()]
+
+    def _of_area(self, forms: Sequence[Sequence[Piece]]) -> Measures:
+        """Of the polygons themselves: no side between pieces has to be found again."""
+        return measure_polygons([grain.rings for grain in self._outlines()])
 
 
 ShapeTable = Annotated[

@@ -35,6 +35,10 @@ def studies(tmp_path):
         head = '[study]\nname = "s"\nscenario = "small.toml"\n'
         observe = '[[observe]]\nname = "steps"\ninfo = "step"\n'
         (tmp_path / f"{name}.toml").write_text(f"{head}[vary]\n{vary}\n{observe}{more}")
+    for kind in ("wkt", "geojson"):
+        shape = f'{{ kind = "file", file = "none.{kind}" }}'
+        (tmp_path / f"{kind}.toml").write_text(SMALL.replace('shape = "disc"', f"shape = {shape}"))
+        (tmp_path / f"none.{kind}").write_text("POINT (0 0)")
     return set(tmp_path.iterdir())
 
 
@@ -55,7 +59,7 @@ def test_the_list_is_that_of_the_extras():
     ]
     named = {
         (extra, need.partition(">")[0])
-        for extra in ("plots", "gsd", "study")
+        for extra in ("plots", "gsd", "shapes", "study")
         for need in extras[extra]
     }
     told = {(each.extra, each.name) for each in LIBRARIES.values()}
@@ -68,6 +72,8 @@ def test_the_list_is_that_of_the_extras():
     ("matplotlib", "post map RUN --of velocity --plot term"),
     ("matplotlib", "post animate RUN --of velocity -o a.gif"),
     ("gsd", "export gsd RUN -o a.gsd"),
+    ("shapely", "validate wkt.toml"),
+    ("shapely", "validate geojson.toml"),
     ("scipy", "post structure RUN --voronoi"),
     ("scipy", "post map RUN --of hexatic"),
     ("scipy", "study validate sobol.toml"),

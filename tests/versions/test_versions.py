@@ -46,7 +46,7 @@ def test_every_command_and_every_digest(python, resolution, source, tmp_path):
     # The lowest for which there are wheels
     wheels = ("--only-binary", ":all:", "--no-binary", "multicor-cli")
     install = ("uv", "pip", "install", "--python", there, "--resolution", resolution)
-    call(*install, *wheels, f"{source}[plots,gsd,study]", cwd=tmp_path)
+    call(*install, *wheels, f"{source}[plots,gsd,shapes,study]", cwd=tmp_path)
     print(call("uv", "pip", "list", "--python", there, cwd=tmp_path))
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     print(call(there, source / "tests" / "support" / "every_command.py", cwd=tmp_path, **cache))

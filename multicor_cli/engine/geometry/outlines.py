@@ -84,13 +84,18 @@ class Pieces(NamedTuple):
 
 def pieces_of(model: Model) -> Pieces | None:
     """Pieces of a model at angle 0, walls anywhere; None if all grains are discs."""
-    outlines, shapes = model.outlines, model.shapes
-    if outlines is None:
+    if model.outlines is None:
         return None
-    corners = np.array([_CORNERS[kind] for kind in shapes.kind.tolist()], np.int32)
+    kind = model.shapes.kind
+    wide = np.where(kind == _DISC, model.shapes.geometry[:, RADIUS], 0.0)
+    return pieces_with(model.outlines, kind, wide, model.spin_radius)
+
+
+def pieces_with(outlines: Outlines, kind: Ints, wide: Floats, spin: Floats) -> Pieces:
+    """Pieces of grains and of wall shapes, which reach ``wide`` beyond their corners [m]."""
+    corners = np.array([_CORNERS[each] for each in kind.tolist()], np.int32)
     has = (corners > 0).astype(np.int32)
     ends = outlines.start[-1] + np.cumsum(corners[corners > 0])
-    of_discs = np.where(shapes.kind == _DISC, shapes.geometry[:, RADIUS], 0.0)
     start = np.concatenate([outlines.start, ends]).astype(np.int32)
     corner = np.zeros((int(start[-1]), 4))
     corner[: len(outlines.corner)] = with_normals(outlines)
@@ -98,8 +103,8 @@ def pieces_of(model: Model) -> Pieces | None:
         np.concatenate([outlines.piece, outlines.piece[-1] + np.cumsum(has)]).astype(np.int32),
         start,
         corner,
-        np.concatenate([outlines.rounding, of_discs[corners > 0]]),
-        model.spin_radius,
+        np.concatenate([outlines.rounding, wide[corners > 0]]),
+        spin,
         ~outlines.is_disc,
     )
 

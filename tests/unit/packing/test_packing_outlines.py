@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from outline_brute import gap_of_cores, pieces_at, smallest_outline_gap
 from scenarios import plane, scenario, toml
+from shapes import shaped_engine, shaped_model, wall_line
 
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.measures import measure
@@ -36,6 +37,13 @@ SHAPES = {
     "triangles": {"kind": "polygon", "vertices": [[0, 0], [3, 0], [0, 4]]},
     "ellipses": {"kind": "ellipse", "aspect": 2.0},
     "corners": CORNER,
+    "drawn": {
+        "kind": "file",
+        "grain": [1] * 8 + [2] * 7,
+        "ring": [0] * 8 + [0] * 4 + [1] * 3,
+        "x": [0, 3, 3, 2, 2, 3, 3, 0, 0, 4, 4, 0, 1, 1, 3],
+        "y": [0, 0, 1, 1, 2, 2, 3, 3, 0, 0, 3, 3, 1, 2, 1],
+    },
 }
 SIZES = {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3}
 NO_WEIGHT = {"gravity": [0.0, 0.0]}
@@ -43,6 +51,7 @@ NO_WEIGHT = {"gravity": [0.0, 0.0]}
 
 def made(shape=PENTAGON, packing=None, sizes=SIZES, size=0.03, **said):
     """Model and state of a scenario of one group."""
+    size = size if isinstance(size, list) else [size, size]
     group = {
         "shape": shape,
         **({"sizes": sizes} if sizes else {}),
@@ -51,9 +60,7 @@ def made(shape=PENTAGON, packing=None, sizes=SIZES, size=0.03, **said):
     keys = {k: said.pop(k) for k in ("count", "fill", "orientation", "region") if k in said}
     if not {"count", "fill"} & keys.keys() and group["packing"]["kind"] == "random":
         keys["count"] = 20
-    return build(
-        scenario(grains=group | keys, size=[size, size], walls=said.pop("walls", []), **said)
-    )
+    return build(scenario(grains=group | keys, size=size, walls=said.pop("walls", []), **said))
 
 
 def refused(*args, **said):
@@ -156,6 +163,89 @@ def test_later_groups_and_walls_are_kept_clear_of():
     assert model.area[discs] == pytest.approx(np.pi * model.grains.radius[discs] ** 2)
 
 
+def same_room(*shapes, **tables):
+    """Model and state of groups that are placed at random in the same region, one after the other."""
+    groups = [
+        {"name": f"g{k}", "sizes": {"kind": "list", "radii": [1e-3]}, "packing": {"kind": "random"}}
+        | shape
+        for k, shape in enumerate(shapes)
+    ]
+    return build(scenario(particles=groups, size=[0.03, 0.03], **{"walls": [], **tables}))
+
+
+NEEDLES = {
+    "shape": {"kind": "rod", "aspect": 15.0}, "sizes": {"kind": "list", "radii": [3.5e-3]},
+    "count": 50, "orientation": {"kind": "fixed", "angle": 80.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["box", "period", "cell"])
+@pytest.mark.parametrize("shape", ["disc", SQUARE])
+def test_later_groups_fill_the_room_between_outlines(shape, kind):
+    """The circles around the needles of the first group leave no room at all."""
+    domain = {"periodic": ["x", "y"] if kind == "cell" else kind == "period"}
+    if kind == "cell":
+        domain["gravity"] = [0.0, 0.0]
+    model, state = same_room(
+        NEEDLES,
+        {"shape": shape, "fill": 0.35, "sizes": {"kind": "list", "radii": [4e-4]}},
+        domain=domain,
+    )
+    circles = np.pi * model.grains.radius[model.grains.group == 0] ** 2
+    assert circles.sum() > 2.0 * 0.03**2
+    assert model.area[model.grains.group == 1].sum() == pytest.approx(0.35 * 0.03**2, rel=0.01)
+    assert smallest_outline_gap(model, state) >= -1e-12
+
+
+def test_walls_are_seen_by_the_outlines_of_grains():
+    """Rods fill the corner between a line and the floor, where their circles do not fit."""
+    line = {"kind": "polyline", "points": [[0.0, 2e-3], [0.03, 12e-3]]}
+    rods = {"shape": {"kind": "rod", "aspect": 6.0}, "sizes": {"kind": "list", "radii": [3e-3]},
+            "fill": 0.6}  # fmt: skip
+    model, state = same_room(rods, walls={"line": line})
+    gap, circle = [], []
+    for grain in range(model.grain_count):
+        ((corners, r),) = pieces_at(model, state, grain)
+        gap.append(gap_of_cores(corners, np.array(line["points"])) - r)
+        away = gap_of_cores(state.position[grain : grain + 1, :2], np.array(line["points"]))
+        circle.append(away - model.grains.radius[grain])
+    assert min(gap) > -1e-12
+    assert np.count_nonzero(np.array(circle) < -1e-3) > 2
+    assert smallest_outline_gap(model, state) >= -1e-12
+
+
+# ---- Deposits
+
+
+@pytest.mark.parametrize(("name", "kind"), [("pentagons", "box"), ("rods", "period")])
+def test_deposits_lie_on_the_floor_without_overlap(name, kind):
+    size, packing = [0.015, 0.03], {"kind": "deposited"}
+    said = {"fill": 0.4, "domain": {"periodic": kind == "period"}, "size": size}
+    model, state = made(SHAPES[name], packing, **said)
+    assert smallest_outline_gap(model, state) >= -1e-12
+    pieces = [pieces_at(model, state, k) for k in range(model.grain_count)]
+    bottom = np.array([min(c[:, 1].min() - r for c, r in each) for each in pieces])
+    top = np.array([max(c[:, 1].max() + r for c, r in each) for each in pieces])
+    assert bottom.min() >= 0.0
+    assert np.count_nonzero(bottom < 1e-2 * model.grains.radius.mean()) >= 5
+    assert model.area.sum() / (size[0] * top.max()) > 0.7
+    again = made(SHAPES[name], packing, **said)[1]
+    assert np.array_equal(again.position, state.position)
+    if kind == "period":
+        return
+    # Where it lies it stays, under gravity and friction
+    walls = [
+        *wall_line([[0.0, 1.0], [0.0, 0.0]]), *wall_line([[0.0, 0.0], [size[0], 0.0]]),
+        *wall_line([[size[0], 0.0], [size[0], 1.0]]),
+    ]  # fmt: skip
+    grains = [model.outlines.pieces(k) for k in range(model.grain_count)]
+    engine = shaped_engine(shaped_model(grains, walls, ("box",), friction=0.5), state.position)
+    for step in range(100):
+        engine.step(1e-3, step * 1e-3)
+    moved = np.hypot(*(engine.state.position - state.position)[:, :2].T)
+    assert moved.max() < 0.2 * model.grains.radius.mean()
+
+
 # ---- What grains are
 
 
@@ -179,6 +269,46 @@ def test_masses_follow_from_areas_and_sizes_from_what_they_mean(name, size):
         mass = 2500.0 * 1e-3 * area
         assert model.grains.mass[grain] == pytest.approx(mass, rel=1e-12)
         assert model.grains.inertia[grain] == pytest.approx(mass * gyration, rel=1e-12)
+
+
+DUMBBELL = {
+    "kind": "clump",
+    "pieces": [{"center": [0, 0], "radius": 1.0}, {"center": [4, 0], "radius": 1.0}],
+}
+
+
+@pytest.mark.parametrize("size", ["reach", "area"])
+def test_masses_centers_and_inertias_are_those_given_by_hand(size):
+    """A dumbbell whose bar has no part in outlines: 3 m beside m, 4 apart, center at 1."""
+    by_hand = {"solid": 0.25, "center": [1.0, 0.0], "gyration": math.sqrt(3.0) / 4.0}
+    model, _ = made({**DUMBBELL, "size": size, **by_hand}, count=12)
+    plain, _ = made({**DUMBBELL, "size": size}, count=12)
+    reach = model.grains.radius
+    assert model.grains.mass == pytest.approx(0.25 * 2500.0 * 1e-3 * model.area, rel=1e-12)
+    assert model.outlines.area == pytest.approx(2 * np.pi * (reach / 4.0) ** 2, rel=1e-12)
+    # Two points 4 apart: (3/4)(1/4) 4² = 3, and it reaches 4 from the center of mass
+    unit = reach / 4.0
+    assert model.grains.inertia == pytest.approx(3.0 * unit**2 * model.grains.mass, rel=1e-12)
+    assert model.spin_radius == pytest.approx(np.sqrt(2 * 3.0) * unit, rel=1e-12)
+    for k in range(12):
+        (left, a), (right, b) = model.outlines.pieces(k)
+        assert [a, b] == pytest.approx([unit[k]] * 2)
+        assert [left[0, 0], right[0, 0]] == pytest.approx([-unit[k], 3 * unit[k]])
+    if size == "area":
+        assert model.area == pytest.approx(plain.area)
+    else:
+        assert reach == pytest.approx(plain.grains.radius)
+
+
+def test_mass_by_hand_is_that_of_heat_and_of_a_disc_too():
+    heat = {"heat": {}, "materials": {"glass": {"density": 2500.0, "young": 7e10, "poisson": 0.2,
+            "conductivity": 1.0, "heat_capacity": 800.0}}}  # fmt: skip
+    for shape in (PENTAGON, {"kind": "rod", "aspect": 1.0}):
+        half, full = (made({**shape, "solid": s}, count=5, **heat)[0] for s in (0.5, 1.0))
+        assert half.grains.mass == pytest.approx(0.5 * full.grains.mass, rel=1e-14)
+        assert half.grains.inertia == pytest.approx(0.5 * full.grains.inertia, rel=1e-14)
+        assert half.thermal.capacity == pytest.approx(0.5 * full.thermal.capacity, rel=1e-14)
+        assert np.array_equal(half.area, full.area)
 
 
 def unit(shape):

@@ -1,5 +1,7 @@
 """Shapes of grains and their orientation: what is right, and what is refused and how."""
 
+import json
+
 import numpy as np
 import pytest
 from scenario_problems import check_one
@@ -15,14 +17,13 @@ def clump(*pieces):
     return {"kind": "clump", "pieces": list(pieces)}
 
 
-def drawn(rows):
-    return {
-        "kind": "file",
-        **{
-            key: list(column)
-            for key, column in zip(("grain", "x", "y"), zip(*rows, strict=True), strict=True)
-        },
-    }
+def drawn(rows, *holes):
+    every = [*rows, *(row for hole in holes for row in hole)]
+    columns = zip(("grain", "x", "y"), zip(*every, strict=True), strict=True)
+    ring = [k for k, part in enumerate((rows, *holes)) for _ in part]
+    return {"kind": "file", **{key: list(column) for key, column in columns}} | (
+        {"ring": ring} if holes else {}
+    )
 
 
 BOX = [(1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (1.0, 2.0, 1.0), (1.0, 0.0, 1.0)]
@@ -49,13 +50,27 @@ MISTAKES = {
     "line without area": (clump({"vertices": [[0, 0], [1, 0]]}), {}, "shape.pieces.0", "no area"),
     "piece not convex": (clump({"vertices": [[0, 0], [4, 0], [1, 1], [0, 4]]}), {}, "shape.pieces.0.vertices.2", "not convex"),
     "no pieces": (clump(), {}, "shape.pieces", "at least 1"),
-    "outline not convex": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0), (2.0, 1, 1), (2.0, 0, 4)]), {}, "shape.grain", "grain 2: the outline is not convex at [1.0, 1.0]"),
-    "outline with two corners": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0)]), {}, "shape.grain", "grain 2: there are less than three corners"),
+    "outline that crosses itself": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 4), (2.0, 4, 0), (2.0, 0, 4)]), {}, "shape.grain", "grain 2: the side from", "crosses or touches", "make_valid"),
+    "outline that touches itself": (drawn([(1.0, 0, 0), (1.0, 4, 0), (1.0, 4, 3), (1.0, 2, 0), (1.0, 0, 3)]), {}, "shape.grain", "grain 1: the side from"),
+    "corners that nearly touch": (drawn([(1.0, 0, 0), (1.0, 4, 0), (1.0, 4, 3), (1.0, 2, 1e-12), (1.0, 0, 3)]), {}, "shape.grain", "nearly touch", "simplify"),
+    "many pieces": (drawn([(1.0, k, k % 2) for k in range(134)] + [(1.0, 133, 5), (1.0, 0, 5)]), {}, "shape.grain", "convex pieces are more than 64", "simplify"),
+    "hole beside": (drawn(BOX, [(1.0, 5, 0), (1.0, 6, 0), (1.0, 5, 1)]), {}, "shape.grain", "grain 1: hole 1 is not inside"),
+    "hole that touches": (drawn(BOX, [(1.0, 0.5, 0), (1.0, 1, 0.5), (1.0, 0.5, 0.5)]), {}, "shape.grain", "hole 1 is not inside"),
+    "hole in a hole": (drawn(BOX, [(1.0, 0.1, 0.1), (1.0, 1.5, 0.1), (1.0, 0.1, 0.9)], [(1.0, 0.2, 0.2), (1.0, 0.4, 0.2), (1.0, 0.2, 0.4)]), {}, "shape.grain", "holes 1 and 2 touch or overlap"),
+    "hole around a hole": (drawn(BOX, [(1.0, 0.2, 0.2), (1.0, 0.4, 0.2), (1.0, 0.2, 0.4)], [(1.0, 0.1, 0.1), (1.0, 1.5, 0.1), (1.0, 0.1, 0.9)]), {}, "shape.grain", "holes 1 and 2 touch or overlap"),
+    "crossed hole": (drawn(BOX, [(1.0, 0.1, 0.1), (1.0, 0.9, 0.9), (1.0, 0.9, 0.1), (1.0, 0.1, 0.9)]), {}, "shape.grain", "grain 1: hole 1: the side from"),
+    "rings that descend": ({**drawn(BOX), "ring": [0, 1, 0, 1]}, {}, "shape.ring", "ring 0 follows 1"),
+    "rings that lack": ({**drawn(BOX), "ring": [0, 1]}, {}, "shape", "4 corners with 2 rings"),
+    "outline with two corners": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0)]), {}, "shape.grain", "grain 2: less than three corners are left"),
     "outline in two parts": (drawn([*BOX, (2.0, 0, 0), (1.0, 4, 0)]), {}, "shape.grain", "grain 1 follows 2"),
     "no outline": ({"kind": "file"}, {}, "shape", "0 corners", "or file"),
+    "no mass": ({**FIVE, "solid": 0.0}, {}, "shape.solid", "greater than 0"),
+    "much inertia": ({**FIVE, "gyration": 1.1}, {}, "shape.gyration", "at most 1"),
+    "inertia of a disc": ({"kind": "rod", "aspect": 1.0, "gyration": 0.9}, {}, "shape.gyration", "½ m r²"),
+    "center of a regular polygon": ({**FIVE, "center": [0, 0], "gyration": 0.5}, {}, "shape.center", "give vertices"),
+    "center without inertia": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [0, 1]], "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
+    "center of a clump without inertia": ({**clump({"center": [0, 0], "radius": 1.0}, {"center": [1, 0], "radius": 1.0}), "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
     "no thickness": (FIVE, {"thickness": None}, "", "no spheres need a thickness"),
-    "deposited": (FIVE, {"packing": {"kind": "deposited"}}, "packing", "cannot be deposited", '"random"'),
-    "tile of deposited": (FIVE, {"packing": {"kind": "tile", "source": {"kind": "deposited"}, "tile": [0.02, 0.02], "tile_fill": 0.2, "repeat": [2, 1]}, "count": None}, "packing", "cannot be deposited"),
     "placed as not drawn": (FIVE, {"packing": {"kind": "outlines"}, "sizes": None, "count": None}, "shape", "no file of outlines"),
     "turned discs": ("disc", {"orientation": {"kind": "uniform"}}, "orientation", "discs and spheres"),
     "turned discs of another name": ({"kind": "rod", "aspect": 1.0}, {"orientation": {"kind": "uniform"}}, "orientation", "discs and spheres"),
@@ -172,3 +187,85 @@ def test_a_file_is_read_once_and_kept(tmp_path):
         None,
         "there is no file 'b.csv'",
     )
+
+
+SQUARE = ["0 0", "4 0", "4 4", "0 4"]
+HOLE = ["1 1", "1 3", "3 3", "3 1"]
+
+
+def ring(corners, *, closed=True):
+    return "(" + ", ".join(corners + corners[:1] * closed) + ")"
+
+
+WKT = f"""# two grains, the second with a hole, over two lines
+POLYGON ({ring(SQUARE[::-1])})
+MULTIPOLYGON Z (({ring([c + " 7" for c in SQUARE])},
+  {ring([c + " 7" for c in HOLE])}))
+GEOMETRYCOLLECTION (POLYGON ({ring(["0 0", "0 0", "3 0", "1 1", "0 3"])}))
+"""
+GEOJSON = {"type": "FeatureCollection", "features": [
+    {"type": "Feature", "properties": {"id": 3}, "geometry": {"type": "Polygon", "coordinates": rings}}
+    for rings in (
+        [[[0, 4], [4, 4], [4, 0], [0, 0], [0, 4]]],
+        [[[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]], [[1, 1], [1, 3], [3, 3], [3, 1], [1, 1]]],
+        [[[0, 0], [3, 0], [1, 1], [0, 3], [0, 0]]],
+    )
+]}  # fmt: skip
+CSV = "grain,ring,x,y\n" + "".join(
+    f"{grain},{k},{','.join(corner.split())}\n"
+    for grain, rings in ((1, [SQUARE]), (2, [SQUARE, HOLE]), (5, [["0 0", "3 0", "1 1", "0 3"]]))
+    for k, corners in enumerate(rings)
+    for corner in corners
+)
+FILES = {
+    "a.wkt": WKT,
+    "a.geojson": json.dumps(GEOJSON),
+    "a.json": json.dumps(GEOJSON),
+    "a.csv": CSV,
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_outlines_are_alike_in_all_kinds_of_files(name, tmp_path):
+    (tmp_path / name).write_text(FILES[name])
+    text = text_of({"kind": "file", "file": name}, {"count": 3})
+    scenario = parse_scenario(text, tmp_path / "shear.toml")
+    (tmp_path / name).unlink()
+    assert parse_scenario(scenario.resolved_toml(), "shear.toml") == scenario
+    model = build(scenario)[0]
+    outlines = model.outlines
+    assert [len(outlines.pieces(k)) for k in range(3)] == [1, 4, 2]
+    reach = [
+        8**0.5,
+        8**0.5,
+        np.hypot(3 - 5 / 6, 5 / 6),
+    ]  # two triangles, their center at (5/6, 5/6)
+    area = np.array([16.0, 12.0, 3.0]) / np.square(reach) * 1e-6
+    assert model.area == pytest.approx(area, rel=1e-12)
+    assert model.perimeter[:2] == pytest.approx(np.array([16.0, 24.0]) / 8**0.5 * 1e-3)
+    gyration = (4**4 / 6 - 2**4 / 6) / 12 / 8 * 1e-6  # of a square a⁴/6
+    assert model.grains.inertia[1] / model.grains.mass[1] == pytest.approx(gyration, rel=1e-12)
+    assert model.grains.mass == pytest.approx(2.5 * area)
+
+
+CROSSED = "POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))"
+BAD_FILES = {
+    "a.wkt": (f"POLYGON ({ring(SQUARE)})\n\n{CROSSED}\n", "'a.wkt': grain 2: the side from", "make_valid"),
+    "b.wkt": ("POLYGON ((0 0, 1 1\n", "'b.wkt': line 1 cannot be read"),
+    "c.wkt": ("LINESTRING (0 0, 1 1)", "'c.wkt': a LineString is no outline of a grain"),
+    "d.wkt": ("POLYGON EMPTY", "'d.wkt': an empty polygon"),
+    "e.wkt": (f"POLYGON ({ring(['0 0', '1 0', '1e9 1'])})", "'e.wkt': grain 1 has a coordinate", "1e+06"),
+    "f.wkt": ("# nothing\n", "'f.wkt': there is no polygon in it"),
+    "a.geojson": ('{"type": "Polygon"', "'a.geojson': the file cannot be read"),
+    "a.csv": ("grain,x,y\n1,0,0\n1,4,4\n1,4,0\n1,0,4\n", "'a.csv': grain 1: the side from"),
+    "b.csv": ("grain,x\n1,0\n", "'b.csv' has no column y", "grain,x,y"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_what_is_wrong_in_a_file_is_told_with_its_name(name, tmp_path):
+    content, *words = BAD_FILES[name]
+    (tmp_path / name).write_text(content)
+    path = str(tmp_path / name)
+    check_one(text_of({"kind": "file", "file": path}), "particles.0.shape.file", None,
+              *(word.replace(name, path) for word in words))  # fmt: skip
