@@ -23,6 +23,7 @@ from multicor_cli.engine.contact.contacts import (
     Speeds,
     contact_after,
     friction_between,
+    stretch_along,
 )
 from multicor_cli.engine.contact.face_sweep import (
     A_N,
@@ -72,6 +73,7 @@ from multicor_cli.model.columns import (
     SECOND,
     SLIDE,
     SPIN,
+    SURFACE,
     TANGENTIAL,
     W_NN,
     W_NT,
@@ -265,18 +267,42 @@ def closed_beyond(
     scene: Scene, pieces: Pieces, after: Floats, dt: float, faces: FacePairs, contacts: Contacts,
     beyond: Floats,
 ) -> float:  # fmt: skip
-    """Largest gap that a pair closes in a step with v⁺ and that did not count before [m], or 0.
+    """Largest gap of a point that did not count and closes in a step with v⁺ [m]; 0 if none does.
 
     ``beyond`` as from `begin_faces`.
     """
     largest = 0.0
     for f in range(beyond.size):
-        if beyond[f] < inf:
-            contact = contacts[faces.first[f]]
-            closed = dt * fastest_points(scene, pieces, after, contact.i, contact.j)
-            if closed >= beyond[f]:
-                largest = max(largest, closed)
+        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        if beyond[f] > dt * fastest_points(scene, pieces, after, i, j):
+            continue
+        first, last = pieces_met(pieces, scene, j)
+        for a in range(pieces.piece[i], pieces.piece[i + 1]):
+            for b in range(first, last):
+                for point in touch_pieces(pieces, scene, i, a, j, b):
+                    if beyond[f] <= point.gap < inf and point.gap > largest:
+                        u_n = _normal_velocity(scene, pieces, after, i, j, point)
+                        largest = point.gap if point.gap + dt * u_n <= 0.0 else largest
     return largest
+
+
+@subroutine
+def _normal_velocity(
+    scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int, point: Point
+) -> float:
+    """u_n at a point of a pair [m/s]; ``velocity`` of all bodies."""
+    count, nx, ny = scene.radius.size, point.nx, point.ny
+    body = j if j < count else count + scene.wall[j - count]
+    over_j = 1.0 / pieces.spin[j] if j < count else 1.0
+    turn_i = (point.i_x * ny - point.i_y * nx) / pieces.spin[i]
+    turn_j = (point.j_x * ny - point.j_y * nx) * over_j
+    dx, dy = velocity[i, X] - velocity[body, X], velocity[i, Y] - velocity[body, Y]
+    u_n = dx * nx + dy * ny + velocity[i, SURFACE] * turn_i - velocity[body, SURFACE] * turn_j
+    if j < count and scene.height > 0.0:
+        lx = point.j_x + point.gap * nx - point.i_x
+        ly = point.j_y + point.gap * ny - point.i_y
+        u_n += stretch_along(velocity, count, lx, ly, nx, ny)[0]
+    return float(u_n)
 
 
 @subroutine
