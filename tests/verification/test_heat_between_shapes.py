@@ -312,6 +312,25 @@ def test_gas_ends_at_its_reach():
         assert (links.conductance.sum() > 0.0) == conducts
 
 
+def test_across_the_ends_of_a_period_all_is_as_within():
+    grains = [[(box(1.0, 1.0), 0.1)], [(regular(5, 0.6), 0.0)]]
+    tiles = wall_line([(-2.0, -0.8), (0.1, -0.8), (2.0, -0.8)])
+    found = []
+    for shift in (0.0, -4.1):
+        model = prisms(grains, tiles, ("floor",), period=12.0)
+        places = np.array([[0.1, 0.0, 0.2], [1.35, 0.3, 1.0]])
+        places[:, 0] = (places[:, 0] + shift) % 12.0
+        geometry = model.shapes.geometry + np.array([shift, 0.0, 0.0, 0.0])
+        lines = model.shapes.kind == ShapeKind.SEGMENT
+        geometry[lines, 2] += shift
+        model = replace(model, shapes=replace(model.shapes, geometry=geometry))
+        for mechanism in (Gas(GAS, reach=0.5), Radiation(reach=0.5)):
+            links = links_of(model, places, mechanism)
+            found.append(float(links.conductance.sum()) + float(links.area.sum()))
+    assert found[0] > 0.0 < found[1]
+    assert found[2:] == pytest.approx(found[:2], rel=1e-11)
+
+
 # ---- Views
 
 

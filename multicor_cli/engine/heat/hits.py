@@ -13,7 +13,7 @@ half-spaces exchange
 Whichever conducts more counts, as of contacts that last.
 
 Source: K. L. Johnson, Contact Mechanics (1985), eq. 3.36 (k); H. S. Carslaw & J. C. Jaeger,
-Conduction of Heat in Solids (1959), § 2.15 (half-spaces); t_c is derived.
+Conduction of Heat in Solids (1959) (half-spaces); t_c is derived.
 
 Validity: elastic impacts that touch nothing else meanwhile; of sides, heat that goes less deep than
 they are wide, √(λ t_c/ρc) ≪ √A, and a flat that hits flat: one that hits with a corner first is the
