@@ -139,7 +139,7 @@ def _integral(wave: _Wave, a: float, b: float) -> float:
     return wave.x * (sin(b) - sin(a)) + wave.y * (cos(a) - cos(b)) + wave.c * (b - a)
 
 
-@formula
+@subroutine
 def _roots(wave: _Wave, first: float, last: float) -> tuple[float, float]:
     """Where a wave is 0 between two angles, ascending; ``last`` where it is not."""
     size = sqrt(wave.x * wave.x + wave.y * wave.y)
@@ -152,7 +152,7 @@ def _roots(wave: _Wave, first: float, last: float) -> tuple[float, float]:
     return min(one, other), max(one, other)
 
 
-@formula
+@subroutine
 def _above(wave: _Wave, first: float, last: float) -> float:
     """Integral of what of a wave is above 0."""
     low, high = _roots(wave, first, last)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from multicor_cli.scenario.problems import KeyPath, Refused
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.tables import PartialScenario, given
 
 
@@ -14,18 +14,13 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
     if not shaped:
         return
     grains = f"the grains of '{shaped[0].name}', which are no discs"
-    for path, what in _of_discs(tables, {group.material for group in shaped}):
-        remedy = 'remove it, or use shape = "disc" in all groups'
-        yield Refused(path, f"{what} is not known of {grains}", remedy)
+    materials = {group.material for group in shaped}
+    for k, entry in given(tables.contacts):
+        if entry.rolling_friction and not materials.isdisjoint(entry.pair):
+            what = f"rolling resistance of {entry.rolling_friction:g} is not known of {grains}"
+            remedy = 'remove it, or use shape = "disc" in all groups'
+            yield Refused(("contacts", k, "rolling_friction"), what, remedy)
     gas = tables.heat.gas if tables.heat is not None else None
     if gas is not None and gas.model != "parallel":
         what = f'"{gas.model}" is a formula for spheres, but there are {grains}'
         yield Refused(("heat", "gas", "model"), what, 'use "parallel"')
-
-
-def _of_discs(tables: PartialScenario, materials: set[str]) -> Iterator[tuple[KeyPath, str]]:
-    """Where the scenario asks for it, and what it is; ``materials`` are those of the grains."""
-    for k, entry in given(tables.contacts):
-        if entry.rolling_friction and not materials.isdisjoint(entry.pair):
-            what = f"rolling resistance of {entry.rolling_friction:g}"
-            yield ("contacts", k, "rolling_friction"), what

@@ -1,5 +1,6 @@
 """Runs of grains of other shapes that expand, wear and exchange heat in all ways."""
 
+import h5py
 import numpy as np
 import pytest
 from run_fakes import in_pieces
@@ -45,6 +46,9 @@ def test_outlines_in_files_follow_the_radii(bed, tmp_path):
             make_scene(run, run.frames[0]).rings.area, rel=1e-9
         )
         assert export_vtkhdf(run, tmp_path / "bed.vtkhdf") == len(run.frames)
+        with h5py.File(tmp_path / "bed.vtkhdf") as file:
+            root, n = file["VTKHDF"], initial.radius.size
+            assert root["CellData/radius"][-n:].tolist() == last.radius.tolist()
     info = run_info(bed / "run")
     assert info["energy_closure"] < 1e-11
     assert info["heat_closure"] < 1e-11
