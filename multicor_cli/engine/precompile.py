@@ -92,7 +92,8 @@ def precompile() -> None:
     memory, momentum = start_loop(0), start_momentum(system)
     iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty(1))
     strayed = np.zeros((1, 2))
-    moved = Moved(scene, contacts, bodies, _NOBODY, _NOBODY, _NOBODY, _NOBODY, strayed)
+    nobody = _NOBODY, _NOBODY, _NOBODY, _NOBODY, _NOBODY
+    moved = Moved(scene, contacts, bodies, *nobody, strayed)
     _heat(model, state, moved)
     _finish(model, state, moved)
     _prepare(model, scene, contacts, bodies)

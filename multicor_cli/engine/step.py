@@ -25,6 +25,7 @@ from multicor_cli.engine.contact.adhesion import (
 )
 from multicor_cli.engine.contact.contacts import (
     Contacts,
+    Speeds,
     WarmStart,
     begin_rolling,
     begin_walls,
@@ -71,7 +72,7 @@ from multicor_cli.engine.energy.account import (
 )
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, turned
+from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, resize_grains, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
@@ -92,8 +93,10 @@ from multicor_cli.engine.motion.growth import (
     Lanes,
     grow,
     push,
+    push_points,
     shed,
     turn_slower,
+    work_at_points,
     work_of_growth,
     worn_sizes,
 )
@@ -162,6 +165,23 @@ class Layout:
         self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
         self.marked = np.zeros(n, np.bool_)
         self.pieces = pieces_of(model)
+        self._at_start = self.pieces
+        if self.pieces is not None and state.radius.size:
+            corner, rounding, spin = (
+                part.copy() for part in (self.pieces.corner, self.pieces.rounding, self.pieces.spin)
+            )
+            self.pieces = self.pieces._replace(corner=corner, rounding=rounding, spin=spin)
+            self.model.__dict__["spin_radius"] = spin
+            self.note_radii()
+
+    def note_radii(self) -> None:
+        """Let outlines follow the radii of the model, which have changed."""
+        initial, radius = self.unworn.grains.radius, self.model.grains.radius
+        if self.pieces is not None and self._at_start is not None:
+            resize_grains(self._at_start, initial, radius, self.pieces)
+            self.model.__dict__["disc_radius"] = np.where(
+                self.pieces.is_face, self.unworn.disc_radius * (radius / initial), radius
+            )
 
     @cached_property
     def pairs(self) -> NeighborList:
@@ -432,9 +452,13 @@ class Engine:
         if population is not None:
             model, state = population.present_model, population.present
             newcomers = population.newcomers
-        self._layout = Layout(model, state, newcomers, self._available)
-        model = self._layout.model
-        self._heat = None if self.heat is None else HeatStep(model, state, self.heat)
+        layout = self._layout = Layout(model, state, newcomers, self._available)
+        model = layout.model
+        self._heat = (
+            None
+            if self.heat is None
+            else HeatStep(model, state, self.heat, layout.unworn, layout.pieces)
+        )
         self._begin_heat()
         self.moved = None
 
@@ -526,7 +550,7 @@ class Engine:
         """The step with the velocities that were found: motion, books, and what comes next."""
         layout, state, selection = self._layout, self._layout.state, self._layout.selection
         n, grains, dt = layout.model.grain_count, layout.model.grains, step.dt
-        loaded = state.contact_i, state.contact_j
+        loaded = state.contact_i, state.contact_j, state.contact_point
         struck = _NOBODY if step.flight is None else step.flight.struck
         began = state.position[struck]
         gradient = state.wall_velocity[0] if self.model.is_cell else _NONE
@@ -534,9 +558,7 @@ class Engine:
         expansion_work = 0.0
         if step.growth.size:
             state.radius[:], state.velocity[:, SPIN] = grains.radius, step.spin
-            expansion_work = step.spun + work_of_growth(
-                step.growth, dt, selection.i, selection.j, Lanes.of(selection.lanes), contacts
-            )
+            expansion_work = step.spun + self._work_of_growth(step, contacts)
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, layout.model.spin_radius, grains.mass,
             step.gravity, self.model.shape_factor, dt, state.position, state.velocity,
@@ -677,10 +699,25 @@ class Engine:
         rise = expansion[grains.material] * (state.heat / thermal.capacity)
         grow(initial, rise, state.radius, radius, dt, rate)
         layout.pairs.note_radii(radius)
+        layout.note_radii()
         velocity, spun = turn_slower(
-            state.velocity, grains.mass, state.radius, radius, layout.model.shape_factor
-        )
+            state.velocity, grains.mass, state.radius, radius, layout.model.spin_radius,
+            layout.model.shape_factor,
+        )  # fmt: skip
         return velocity, rate, spun
+
+    def _work_of_growth(self, step: Prediction, contacts: Contacts) -> float:
+        """Work of grains that grow on all their contacts [J]."""
+        layout, selection = self._layout, self._layout.selection
+        work = work_of_growth(
+            step.growth, step.dt, selection.i, selection.j, Lanes.of(selection.lanes), contacts
+        )
+        if layout.pieces is not None:
+            work += work_at_points(
+                step.growth, layout.model.grains.radius, layout.pieces.spin, step.dt,
+                selection.faces, contacts,
+            )  # fmt: skip
+        return work
 
     def _shed(self) -> None:
         """Grains lose what has worn off in the step, and with it mass, size and motion."""
@@ -694,9 +731,10 @@ class Engine:
         smaller = worn_sizes(share, dimension) / worn_sizes(layout.worn, dimension)
         lost = shed(
             state.velocity, layout.unworn.grains.mass, share, smaller, model.grains.mass,
-            state.radius, model.shape_factor,
+            state.radius, model.spin_radius.copy(), model.shape_factor,
         )  # fmt: skip
         model.grains.radius[:] = state.radius
+        layout.note_radii()
         layout.worn, layout.mass = share, total(model.grains.mass)
         book_worn(state, lost)
 
@@ -877,6 +915,13 @@ class Engine:
         opening = None
         if step.growth.size:
             opening = push(step.growth, dt, i, j, Lanes.of(lanes), contacts)
+            if faces is not None:
+                assert layout.pieces is not None
+                of_points = push_points(
+                    step.growth, layout.model.grains.radius, layout.pieces.spin, dt,
+                    selection.faces, contacts,
+                )  # fmt: skip
+                opening = Speeds(*map(sum, zip(opening, of_points, strict=True)))
         if laws.softening_rate.size or laws.table_speed.size or laws.flash_speed.size:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
@@ -896,7 +941,8 @@ class Engine:
                 contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
         attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
         speeds, is_solved = [grains, walls], True
-        if opening is not None and not (grains.closing or walls.closing):
+        closing = grains.closing or walls.closing or (faces is not None and faces.closing)
+        if opening is not None and not closing:
             speeds.append(opening)
         if faces is not None:
             speeds.append(faces)

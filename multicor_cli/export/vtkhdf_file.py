@@ -131,20 +131,23 @@ class _View:
             self._number = frame.number
             self._parts.append((len(rings.point), len(frame.number)))
         grains = model.grains
+        sizes = {"CellData/radius": grains.radius, "CellData/area": model.area}
         constant: dict[str, NDArray[Any]] = {
             "Polygons/Connectivity": np.arange(len(rings.point)), "Polygons/Offsets": rings.start,
-            "CellData/grain": frame.number, "CellData/radius": grains.radius,
-            "CellData/area": model.area, "CellData/group": grains.group,
-            "CellData/material": grains.material,
+            "CellData/grain": frame.number, "CellData/group": grains.group,
+            "CellData/material": grains.material, **(sizes if frame.radius is None else {}),
         }  # fmt: skip
         for path, values in constant.items():
             if is_new:
                 self._array(path, values).append(values)
             else:
                 self._arrays[path].again()
+        if frame.radius is not None:
+            rings = rings.sized(frame.radius / frame.run_model.grains.radius[frame.number])
         placed = rings.placed(frame.position.astype(np.float64), frame.angle.astype(np.float64))
         place = self._grid * np.rint(placed.point / self._grid)
         changing: dict[str, NDArray[Any]] = {"Points": _spatial(place).astype(np.float32)}
+        changing |= {} if frame.radius is None else sizes
         for row in _CHANGING:
             values = frame.read(row)
             if values is not None:

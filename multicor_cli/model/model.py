@@ -299,7 +299,12 @@ class Model:
         """
         if not self.sheds or self.thermal is None:
             return np.zeros(wear.size)
-        return wear / (self.thermal.surface * self.grains.radius / self.dimension)
+        surface = self.thermal.surface
+        volume = surface * self.grains.radius / self.dimension
+        if self.outlines is not None:
+            prisms = surface / self.perimeter * self.area
+            volume = np.where(self.outlines.is_disc, volume, prisms)
+        return wear / volume
 
     @property
     def dimension(self) -> float:
@@ -311,7 +316,8 @@ class Model:
         mass, ratio = self.grains.mass * (1.0 - share), radius / self.grains.radius
         inertia = self.grains.inertia * (1.0 - share) * ratio * ratio
         grains = replace(self.grains, radius=radius, mass=mass, inertia=inertia)
-        return replace(self, grains=grains)
+        outlines = None if self.outlines is None else self.outlines.scaled(ratio)
+        return replace(self, grains=grains, outlines=outlines)
 
     def name_of(self, grain: int) -> str:
         """What messages call a grain."""

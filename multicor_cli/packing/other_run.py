@@ -247,7 +247,10 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
         place, motion = state.position[mine], state.velocity[mine]
         expands = bool(scenario.materials[group.material].expansion)
         radius = grains.radius if expands or not state.radius.size else state.radius
-        found = InitialGrains(radius[mine], place, motion, warmth, forms=_forms_of(source, mine))
+        forms = _forms_of(source, mine)
+        if forms is not None and radius is state.radius:
+            forms = forms.scaled((radius / grains.radius)[mine])
+        found = InitialGrains(radius[mine], place, motion, warmth, forms=forms)
         try:
             refuse_other_shapes(group, found, f"the run '{source.path}'")
         except Refused as error:

@@ -84,12 +84,15 @@ def make_scene(source: Run, frame: Frame) -> GrainScene:
 
 def _rings(source: Run, frame: Frame, center: Floats) -> Rings | None:
     """Lines around the grains of a frame, whose centers are these."""
-    outlines = getattr(frame, "run_model", source.model).outlines
-    if outlines is None:
+    model = getattr(frame, "run_model", source.model)
+    if model.outlines is None:
         return None
-    rings = rings_of(outlines)
+    rings = rings_of(model.outlines)
     if frame.is_open:
         rings = rings.of_grains(frame.number)
+    radius = getattr(frame, "radius", None)
+    if radius is not None:
+        rings = rings.sized(radius / model.grains.radius[frame.number])
     return rings.placed(center, np.asarray(frame.angle, np.float64))
 
 

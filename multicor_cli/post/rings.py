@@ -67,6 +67,11 @@ class Rings:
         length = np.array([len(line) for line in lines], np.int64)
         return Rings(np.arange(len(lines)), _edges(length), points)
 
+    def sized(self, factor: Floats) -> Rings:
+        """The same around grains that have become larger by factors, shape ``(n,)``."""
+        owner = self.grain.repeat(np.diff(self.start))
+        return replace(self, point=self.point * factor[owner, np.newaxis])
+
     def placed(self, center: Floats, angle: Floats) -> Rings:
         """The same around grains with these centers [m], ``(n, 2)``, and angles [rad], ``(n,)``."""
         owner = self.grain.repeat(np.diff(self.start))

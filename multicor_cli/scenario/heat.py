@@ -90,7 +90,8 @@ class GasTable(MechanismTable):
     model: Literal["parallel", "batchelor", "vargas"] = optional(
         'conductance of a gap: "parallel" (flux along the axis, exact), "batchelor" '
         "(Batchelor & O'Brien, solids at least ten times as conductive as the gas) or "
-        '"vargas" (Vargas & McCarthy, equal grains that touch)',
+        '"vargas" (Vargas & McCarthy, equal grains that touch); of grains that are no discs the '
+        "first alone",
         "parallel",
     )
     reach: Reach = optional("largest gap that conducts, over the smaller radius", _REACH)

@@ -457,20 +457,6 @@ def test_film_and_radiation_are_those_of_the_perimeter(corners):
         assert engine.state.heat[0] == pytest.approx(1e-3 * power, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"collisional": True},
-        {"mechanisms": (Gas(0.026),)},
-        {"mechanisms": (Radiation(reach=0.4),)},
-    ],
-)
-def test_what_is_known_of_spheres_alone_is_refused(settings):
-    model = hot([[(box(1.0, 1.0), 0.0)]])
-    with pytest.raises(ValueError, match="those of spheres"):
-        coupled_engine(model, at(0.5), laws=LAWS, **settings)
-
-
 # ---- Heaps of all kinds
 
 
@@ -512,7 +498,10 @@ def heap(count=28, seed=2, conditions=None, **settings):
 
 
 WALLS = [at_temperature(320.0), WallHeat("flow", Constant(5.0)), WallHeat()]
-FILM = {"mechanisms": (Ambient(350.0, coefficient=0.2), Radiation(250.0)), "impact": True}
+ALL_ON = {
+    "mechanisms": (Gas(0.026), Ambient(350.0, coefficient=0.2), Radiation(250.0, reach=0.4)),
+    "impact": True, "collisional": True,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("kind", "conduction", "integrator"), [
@@ -522,9 +511,10 @@ FILM = {"mechanisms": (Ambient(350.0, coefficient=0.2), Radiation(250.0)), "impa
 def test_the_first_law_closes_in_a_heap_of_all_shapes(kind, conduction, integrator):
     force = {"step": ContactForce(), "average": ContactForce("average", 0.1),
              "prescribed": ContactForce("prescribed", 0.1)}[kind]  # fmt: skip
-    engine = heap(
-        conditions=WALLS, force=force, conduction=conduction, integrator=integrator, **FILM
-    )
+    settings = {"force": force, "conduction": conduction, "integrator": integrator, **ALL_ON}
+    if integrator == "explicit":  # steps of which are short where gas conducts much
+        settings["mechanisms"] = ALL_ON["mechanisms"][1:]
+    engine = heap(conditions=WALLS, **settings)
     state = advance(engine, 5e-3, 300)
     assert heat_book(state, "closure") < 1e-12
     names = ("friction", "impact", "to_walls", "from_walls", "from_ambient", "from_surroundings")
@@ -544,7 +534,7 @@ def test_an_insulated_heap_stores_what_it_loses():
 
 
 def test_a_heap_goes_on_with_the_same_bits():
-    engine = heap(12, conditions=WALLS, force=ContactForce("average", 0.1), **FILM)
+    engine = heap(12, conditions=WALLS, force=ContactForce("average", 0.1), **ALL_ON)
     advance(engine, 5e-3, 150)
     other = continued(engine)
     advance(engine, 5e-3, 20, 150)

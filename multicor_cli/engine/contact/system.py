@@ -472,7 +472,8 @@ class Moved(NamedTuple):
 
     ``scene`` is at q_m, ``after`` are velocities v⁺, shape ``(bodies, 4)``; ``i`` and ``j`` the
     shapes of ``contacts``; ``loaded_i`` and ``loaded_j`` those of contacts that carried an impulse
-    in the step before, ascending. Grains have ``strayed`` by what they have moved, in a cell beside
+    in the step before, ascending, and ``loaded_point`` which points of grains that are no discs
+    (-1; of size 0 if all are). Grains have ``strayed`` by what they have moved, in a cell beside
     its mean flow [m], shape ``(n, 2)``.
     """
 
@@ -483,6 +484,7 @@ class Moved(NamedTuple):
     j: Ints
     loaded_i: Ints
     loaded_j: Ints
+    loaded_point: Ints
     strayed: Floats
 
 

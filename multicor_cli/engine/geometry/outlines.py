@@ -162,6 +162,23 @@ def place_walls(pieces: Pieces, scene: Scene, corner: Floats) -> None:
         corner[v + 1, NORMAL_X], corner[v + 1, NORMAL_Y] = -y / length, x / length
 
 
+@kernel
+def resize_grains(at_start: Pieces, initial: Floats, radius: Floats, pieces: Pieces) -> None:
+    """Let pieces at angle 0 (**modified**) follow the radii of their grains [m], shape ``(n,)``.
+
+    ``at_start`` are those with the ``initial`` radii. Outlines keep their shapes.
+    """
+    for k in range(radius.size):
+        factor = radius[k] / initial[k]
+        pieces.spin[k] = factor * at_start.spin[k] if pieces.is_face[k] else radius[k]
+        for p in range(pieces.piece[k], pieces.piece[k + 1]):
+            rounding = at_start.rounding[p]
+            pieces.rounding[p] = factor * rounding if pieces.is_face[k] else radius[k]
+            for v in range(pieces.start[p], pieces.start[p + 1]):
+                pieces.corner[v, X] = factor * at_start.corner[v, X]
+                pieces.corner[v, Y] = factor * at_start.corner[v, Y]
+
+
 # ---- Two pieces
 
 

@@ -61,6 +61,7 @@ class Corners(NamedTuple):
 
     Attributes:
         radius: Radius of curvature of each corner R [m], shape ``(v,)``; of walls not yet `SHARP`.
+        is_curve: Whether it is that of a curve cut into pieces, shape ``(v,)``.
         is_side: Whether the edge that begins there is flat, no part of a curve, shape ``(v,)``.
         thickness: Of the grains [m], shape ``(n,)``.
         least: Least way from the center of a grain to a side [m], half its area over its perimeter:
@@ -68,9 +69,19 @@ class Corners(NamedTuple):
     """
 
     radius: Floats
+    is_curve: NDArray[np.bool_]
     is_side: NDArray[np.bool_]
     thickness: Floats
     least: Floats
+
+    def resized(self, pieces: Pieces, factor: Floats) -> Corners:
+        """Those of grains that have become larger by factors, shape ``(n,)``."""
+        n = factor.size
+        of_piece = np.repeat(factor, np.diff(pieces.piece[: n + 1]))
+        of_corner = np.repeat(of_piece, np.diff(pieces.start[: of_piece.size + 1]))
+        radius = self.radius.copy()
+        radius[: of_corner.size] *= of_corner
+        return self._replace(radius=radius, least=self.least * factor)
 
 
 def corners_of(model: Model, pieces: Pieces) -> Corners:
@@ -94,7 +105,7 @@ def corners_of(model: Model, pieces: Pieces) -> Corners:
     grains = np.repeat(np.arange(model.grain_count), np.diff(outlines.start[outlines.piece]))
     radius[: grains.size] = np.maximum(radius[: grains.size], SHARP * model.grains.radius[grains])
     return Corners(
-        radius, ~(bends & bends[after]), thermal.surface / model.perimeter,
+        radius, bends, ~(bends & bends[after]), thermal.surface / model.perimeter,
         0.5 * model.area / model.perimeter,
     )  # fmt: skip
 
@@ -168,11 +179,38 @@ def _radius_towards(pieces: Pieces, corners: Corners, p: int, x: float, y: float
     edge = _facing(pieces, p, x, y)
     if x * corner[edge, NORMAL_X] + y * corner[edge, NORMAL_Y] >= _ALONG:
         return _edge_radius(pieces, corners, p, edge)
-    far = first
-    for v in range(first, last):
+    return float(corners.radius[_farthest(pieces, p, x, y)])
+
+
+@subroutine
+def _farthest(pieces: Pieces, p: int, x: float, y: float) -> int:
+    """The corner of a piece that is farthest along (x, y)."""
+    corner, far = pieces.corner, pieces.start[p]
+    for v in range(pieces.start[p], pieces.start[p + 1]):
         if x * corner[v, X] + y * corner[v, Y] > x * corner[far, X] + y * corner[far, Y]:
             far = v
-    return float(corners.radius[far])
+    return int(far)
+
+
+@subroutine
+def curve_towards(
+    pieces: Pieces, corners: Corners, p: int, x: float, y: float
+) -> tuple[float, float, float]:
+    """As `_radius_towards`, of discs and of curves cut into pieces; −1 of all other corners.
+
+    And the corner, or the middle of the edge, at which the outward normal is (x, y) [m].
+    """
+    v, corner = _farthest(pieces, p, x, y), pieces.corner
+    if pieces.start[p + 1] - pieces.start[p] == 1:
+        radius = pieces.rounding[p] if pieces.rounding[p] > 0.0 else -1.0
+        return radius, corner[v, X], corner[v, Y]
+    edge = _facing(pieces, p, x, y)
+    if x * corner[edge, NORMAL_X] + y * corner[edge, NORMAL_Y] >= _ALONG:
+        w = edge + 1 if edge + 1 < pieces.start[p + 1] else pieces.start[p]
+        middle_x = 0.5 * (corner[edge, X] + corner[w, X])
+        middle_y = 0.5 * (corner[edge, Y] + corner[w, Y])
+        return _edge_radius(pieces, corners, p, edge), middle_x, middle_y
+    return corners.radius[v] if corners.is_curve[v] else -1.0, corner[v, X], corner[v, Y]
 
 
 @formula

@@ -28,6 +28,7 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import log
 from multicor_cli.engine.geometry.radii import effective_radius, other_radius, pair_radius
@@ -64,17 +65,16 @@ class Gas(Mechanism):
 
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         conductance = np.zeros(near.i.size)
+        outlines = near.outlines
+        counts = np.ones(near.i.size, np.bool_) if outlines is None else outlines.is_of_discs()
         ratio = gas_conductances(
-            scene,
-            laws,
-            _NUMBER[self.model],
-            self.conductivity,
-            near.i,
-            near.j,
-            near.gap,
-            near.spot,
-            conductance,
-        )
+            scene, laws, _NUMBER[self.model], self.conductivity, counts, near.i, near.j, near.gap,
+            near.spot, conductance,
+        )  # fmt: skip
+        if outlines is not None:
+            outlines.add_films(
+                laws, self.conductivity, self.reach, near.i, near.j, near.spot, conductance
+            )
         return PairTransfer(conductance, gas_ratio=ratio)
 
 
@@ -126,6 +126,21 @@ def parallel_conductance_wall(
     z = sqrt(radius * radius - s * s)
     width = radius + opening
     return 2.0 * pi * gas_conductivity * (width * log(width / (opening + s * s / (radius + z))) - z)
+
+
+@formula
+def parallel_between(
+    gas_conductivity: float, mean_radius: float, near: float, far: float, half_gap: float
+) -> float:  # fmt: skip
+    """As `parallel_conductance`, of what is farther from the axis than ``near``, up to ``far``.
+
+    ``mean_radius`` is 2a*, at least ``far``; half of the gap, all [m]; with the radius and the
+    whole gap half of `parallel_conductance_wall`.
+    """
+    a = mean_radius
+    z, y = sqrt((a - near) * (a + near)), sqrt((a - far) * (a + far))
+    narrow, wide = half_gap + near * near / (a + z), half_gap + far * far / (a + y)
+    return pi * gas_conductivity * ((a + half_gap) * log(wide / narrow) - (z - y))
 
 
 @formula
@@ -197,12 +212,13 @@ def solid_to_gas_ratio(solid: float, spot: float, gas: float, radius: float) -> 
 
 @kernel
 def gas_conductances(
-    scene: Scene, laws: HeatLaws, model: int, gas_conductivity: float, i: Ints, j: Ints,
-    gap: Floats, spot: Floats, out: Floats,
+    scene: Scene, laws: HeatLaws, model: int, gas_conductivity: float, counts: NDArray[np.bool_],
+    i: Ints, j: Ints, gap: Floats, spot: Floats, out: Floats,
 ) -> tuple[float, float]:  # fmt: skip
     """Add the conductance of the gas around each contact and in each gap to ``out`` [W/K].
 
-    Radii of spots [m] are 0 where there is no contact. Returns the smallest and the largest
+    Only that of pairs that ``counts`` (those of discs), shape ``(e,)``. Radii of spots [m] are 0
+    where there is no contact. Returns the smallest and the largest
     λ_s s/(λ_f a) of the contacts; 0 if there are none. Shapes are ``(e,)``.
     """
     least, most = np.inf, 0.0
@@ -214,7 +230,9 @@ def gas_conductances(
         # Nearer to the axis than this the solid resists more than the gas, whose flux would grow
         # without bound.
         core = max(spot[k], mean_radius * min(CORE, gas_conductivity / laws.harmonic[a, b]))
-        if model == PARALLEL and other > 0.0:
+        if not counts[k]:
+            pass
+        elif model == PARALLEL and other > 0.0:
             out[k] += parallel_conductance(gas_conductivity, radius, other, core, open_gap)
         elif model == PARALLEL:
             out[k] += parallel_conductance_wall(gas_conductivity, radius, core, open_gap)

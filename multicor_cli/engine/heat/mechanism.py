@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.model import Floats, Ints, Model
 
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.near import NearOutlines
+
 Indices = NDArray[np.uint32]
 """Numbers of bodies or rows. A kernel need not ask whether they count from the end of an array."""
+
+
+Rows = NDArray[np.int64]
+"""Some of the rows of a table."""
 
 
 class HeatLaws(NamedTuple):
@@ -52,13 +59,15 @@ class HeatLaws(NamedTuple):
 class NearPairs:
     """Pairs of bodies near each other, sorted by (i, j), in ``e`` rows of each array.
 
-    A grain and a grain or wall shape, with their gap and the radius of their contact (0: none) [m].
+    A grain and a grain or wall shape, with their gap and the radius of their contact (0: none) [m];
+    ``outlines`` of some of them, unless all grains are discs.
     """
 
     i: Ints
     j: Ints
     gap: Floats
     spot: Floats
+    outlines: NearOutlines | None = None
 
 
 @dataclass(frozen=True)

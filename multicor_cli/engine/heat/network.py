@@ -14,10 +14,11 @@ from multicor_cli.engine.geometry.places import find_places, largest_of_places, 
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.faces import FacePoints
 from multicor_cli.engine.heat.hertz import biot_number
-from multicor_cli.engine.heat.mechanism import Indices, NearPairs
+from multicor_cli.engine.heat.mechanism import Indices, NearPairs, Rows
+from multicor_cli.engine.heat.near import NearOutlines, Outlined
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.spots import Spots, look_up, resting_contacts
+from multicor_cli.engine.heat.spots import Spots, look_up, look_up_largest, resting_contacts
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS
@@ -30,8 +31,6 @@ INSULATED, KNOWN, FLOW, BODY = 0, 1, 2, 3
 """Kinds of walls; grains are bodies."""
 
 _KINDS = {"insulated": INSULATED, "temperature": KNOWN, "flow": FLOW, "capacity": BODY}
-
-Rows = NDArray[np.int64]
 
 
 class Shapes(NamedTuple):
@@ -172,28 +171,38 @@ def contact_links(spots: Spots, ends: Ends) -> Links:
 
 
 def near_links(
-    scene: Scene, spots: Spots, near: Pairs, shapes: Shapes, settings: HeatSettings, model: Model
-) -> Links:
+    scene: Scene, spots: Spots, near: Pairs, shapes: Shapes, settings: HeatSettings, model: Model,
+    outlined: Outlined | None = None,
+) -> Links:  # fmt: skip
     """Contacts, and the gaps that mechanisms cross: one for each place, from its nearest point.
 
-    ``near`` are the pairs within the reach of mechanisms.
+    ``near`` are the pairs within the reach of mechanisms, of the circles around grains if some are
+    ``outlined``.
     """
     laws, area, touching = settings.laws, np.empty(0), spots.touching
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, touching.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
     look_up(row, touching.j, spots.conductance, i, j, conductance)
-    look_up(row, touching.j, spots.radius, i, j, spot)
+    look_up_largest(row, touching.j, spots.radius, i, j, spot)
     place, share = find_places(scene, i, j)
     spot = np.where(share > 0.0, largest_of_places(place, spot), 0.0)
+    outlines, of_gas = None, share
+    if outlined is not None and touching.points is not None:
+        of_sides = np.empty(i.size)
+        sides = np.where(touching.points.is_side, spots.conductance, 0.0)
+        look_up(row, touching.j, sides, i, j, of_sides)
+        is_rough = settings.conduction == "rough"
+        outlines = NearOutlines.of(scene, outlined, i, j, gap, of_sides, is_rough=is_rough)
+        of_gas = np.where(outlines.is_of_discs(), share, 1.0)  # each piece of a wall has its own
     ratio, of_contacts = (0.0, 0.0), conductance.copy()
     for mechanism in settings.mechanisms:
         if mechanism.reach <= 0.0:
             continue
-        carried = mechanism.between(NearPairs(i, j, gap, spot), scene, laws, model)
+        carried = mechanism.between(NearPairs(i, j, gap, spot, outlines), scene, laws, model)
         is_within = _is_within(scene, i, j, gap, mechanism.reach)
         if carried.conductance is not None:
-            conductance += np.where(is_within, share * carried.conductance, 0.0)
+            conductance += np.where(is_within, of_gas * carried.conductance, 0.0)
         if carried.area is not None:
             area = np.where(is_within, share * carried.area, 0.0) + (area if area.size else 0.0)
         ratio = carried.gas_ratio or ratio
@@ -210,10 +219,12 @@ def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
     far = (spots.conductance > 0.0) & ~np.isin(key_spot, key_near)
     if not far.any():
         return near
-    i, j = spots.touching.i[far], spots.touching.j[far]
+    _, first = np.unique(key_spot[far], return_index=True)  # pairs may have several points
+    row = np.flatnonzero(far)[first]
+    i, j = spots.touching.i[row], spots.touching.j[row]
     gap = np.empty(i.size)
     resting_contacts(scene, i, j, gap, np.empty((i.size, 2)))
-    order = np.argsort(np.concatenate([key_near, key_spot[far]]), kind="stable")
+    order = np.argsort(np.concatenate([key_near, key_spot[row]]), kind="stable")
     return (
         np.concatenate([near[0], i])[order],
         np.concatenate([near[1], j])[order],

@@ -52,11 +52,12 @@ class Radiation(Mechanism):
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         assert model.thermal is not None
         is_sphere = model.shape_factor == SHAPE_FACTOR["sphere"]
-        return PairTransfer(
-            area=radiating_areas(
-                scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap
-            )
+        area = radiating_areas(
+            scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap
         )
+        if near.outlines is not None:
+            near.outlines.put_views(laws, near.i, near.j, near.gap, area)
+        return PairTransfer(area=area)
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
         """The surroundings; the area factor is the emissivity times the surface of each grain."""

@@ -69,7 +69,7 @@ def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats
 def look_up(
     row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
 ) -> None:
-    """Values of pairs in a table sorted by (i, j) into ``found``, ``(c,)``; 0 where it has none.
+    """Sums of values of pairs in a table sorted by (i, j) into ``found``, ``(c,)``; 0 without any.
 
     ``row`` is the first row of each grain in the table, shape ``(n + 1,)``.
     """
@@ -77,7 +77,19 @@ def look_up(
         found[c] = 0.0
         for k in range(row[i[c]], row[i[c] + 1]):
             if known_j[k] == j[c]:
-                found[c] = values[k]
+                found[c] += values[k]
+
+
+@kernel
+def look_up_largest(
+    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
+) -> None:
+    """As `look_up`, the largest of the values, at least 0."""
+    for c in range(i.size):
+        found[c] = 0.0
+        for k in range(row[i[c]], row[i[c] + 1]):
+            if known_j[k] == j[c]:
+                found[c] = max(found[c], values[k])
 
 
 @kernel

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.adhesion import net_impulses, resting_attraction
@@ -14,7 +15,7 @@ from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import pieces_of, turned
+from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, turned
 from multicor_cli.engine.geometry.places import met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import (
@@ -39,7 +40,9 @@ from multicor_cli.engine.heat.friction import (
     collide,
     generate,
 )
+from multicor_cli.engine.heat.hits import hit, known_points
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
+from multicor_cli.engine.heat.near import Outlined
 from multicor_cli.engine.heat.network import (
     Ends,
     Links,
@@ -61,6 +64,7 @@ from multicor_cli.engine.heat.spots import (
     near_pairs,
     resting_contacts,
 )
+from multicor_cli.engine.heat.views import hulls_of
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import FRICTION
@@ -97,29 +101,36 @@ class HeatStep:
             for frames; None before the first one of a stage.
     """
 
-    def __init__(self, model: Model, state: State, settings: HeatSettings) -> None:
+    def __init__(
+        self, model: Model, state: State, settings: HeatSettings, at_start: Model | None = None,
+        pieces: Pieces | None = None,
+    ) -> None:  # fmt: skip
         """Set up with insulated walls.
 
+        Where grains grow or shrink ``at_start`` is the model before, and ``pieces`` follow them.
+
         Raises:
-            ValueError: If the model has no heat capacities, or grains that are no discs and
-                mechanisms that are those of spheres.
+            ValueError: If the model has no heat capacities.
         """
         if model.thermal is None:
             message = "the model has no heat capacities"
-            raise ValueError(message)
-        if model.outlines is not None and (settings.collisional or settings.reach > 0.0):
-            message = (
-                "conduction in impacts, gas in gaps and radiation between neighbors are those of "
-                "spheres: the model has grains that are no discs"
-            )
             raise ValueError(message)
         self._model, self._state, self._settings = model, state, settings
         self._thermal = model.thermal
         self._gradient = np.array(model.heat_gradient)
         self._knows_flash = knows_flash(settings.laws)
-        self._pieces = pieces_of(model)
-        self._corners = None if self._pieces is None else corners_of(model, self._pieces)
+        self._at_start = at_start = at_start or model
+        initial = pieces_of(at_start)
+        self._outlined: Outlined | None = None
+        if initial is not None:
+            self._at_start_corners = corners_of(at_start, initial)
+            hulls = hulls_of(initial, at_start.grains.radius)
+            self._outlined = Outlined(pieces or initial, self._at_start_corners, hulls)
         self.begin([WallHeat()] * model.wall_count)
+
+    @property
+    def _pieces(self) -> Pieces | None:
+        return None if self._outlined is None else self._outlined.pieces
 
     @cached_property
     def _list(self) -> NeighborList:
@@ -269,6 +280,11 @@ class HeatStep:
         if self._state.radius.size:
             self._lasting = None
             self._shapes = shapes_of(self._conditions, self._model, self._settings)
+            if self._outlined is not None:
+                corners = self._at_start_corners.resized(
+                    self._outlined.pieces, self._model.grains.radius / self._at_start.grains.radius
+                )
+                self._outlined = self._outlined._replace(corners=corners)
         if self._lasting is None or self._lasting[0].i is not i:
             self._lasting = (
                 Touching.of(scene, i, j, self._settings, self._pieces),
@@ -278,11 +294,11 @@ class HeatStep:
 
     def _at(self, touching: Touching, scene: Scene, key: Ints) -> Touching:
         """Contacts with their points in a scene, of grains that are no discs."""
-        assert self._pieces is not None
-        assert self._corners is not None
+        assert self._outlined is not None
+        pieces, corners, _ = self._outlined
         return touching.at(
             FacePoints.of(
-                scene, turned(self._pieces, scene), self._corners, self._settings.laws.conductivity,
+                scene, turned(pieces, scene), corners, self._settings.laws.conductivity,
                 touching.i, touching.j, key, touching.radius,
             )
         )  # fmt: skip
@@ -327,11 +343,30 @@ class HeatStep:
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
             is_known = met_before(scene, row, moved.loaded_j, moved.i, moved.j)
+            totals, points = spots.places.totals(carried), touching.points
+            if points is not None:
+                is_known |= points.key >= 0
+                self._hit(moved, points, carried, totals, row, dt, spots.conductance)
             collide(
-                scene, self._model.grains.mass, contacts, spots.places.totals(carried), is_known,
-                settings.laws, dt, spots.conductance,
+                scene, self._model.grains.mass, contacts, totals, is_known, settings.laws, dt,
+                spots.conductance,
             )  # fmt: skip
         return spots
+
+    def _hit(
+        self, moved: Moved, points: FacePoints, carried: Floats, totals: Floats,
+        row: NDArray[np.int64], dt: float, conductance: Floats,
+    ) -> None:  # fmt: skip
+        """Impacts of grains that are no discs; arguments as of `hit`."""
+        model = self._model
+        is_known = known_points(
+            row, moved.loaded_j, moved.loaded_point, moved.i, moved.j, points.key, points.head
+        )
+        hit(
+            moved.scene, model.grains.mass, model.shape_factor, moved.contacts, points.key,
+            points.head, points.spot_radii(carried, totals), points.pressed_areas(carried), carried,
+            totals, is_known, self._settings.laws, dt, conductance,
+        )  # fmt: skip
 
     def _links(self, scene: Scene, spots: Spots, ends: Ends) -> Links:
         """Contacts with their ``ends``, and pairs within the reach of mechanisms, if any is."""
@@ -339,7 +374,7 @@ class HeatStep:
         if reach <= 0.0:
             return contact_links(spots, ends)
         near = self._pairs(scene, reach)
-        return near_links(scene, spots, near, self._shapes, settings, self._model)
+        return near_links(scene, spots, near, self._shapes, settings, self._model, self._outlined)
 
     def _pairs(self, scene: Scene, reach: float) -> tuple[Ints, Ints, Floats]:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""

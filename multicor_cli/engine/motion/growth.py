@@ -10,12 +10,14 @@ open, and what presses on them closes these. Walls keep their shapes.
 
 from __future__ import annotations
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
 from multicor_cli.arithmetic import cbrt
 from multicor_cli.engine.contact.contacts import Contacts, Speeds
+from multicor_cli.engine.contact.faces import FacePairs
 from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -76,35 +78,37 @@ def worn_sizes(worn: Floats, dimension: float) -> Floats:
 @kernel
 def shed(
     velocity: Floats, initial: Floats, worn: Floats, smaller: Floats, mass: Floats, radius: Floats,
-    spin_factor: float,
+    spin_radius: Floats, spin_factor: float,
 ) -> float:  # fmt: skip
     """Let what is worn off go, with the velocity that it has at the surface of its grain.
 
     Velocities and spins stay. Masses become ``initial`` [kg] less the part ``worn``, radii those
-    before times ``smaller``. **Modifies** ``mass`` and ``radius``; returns the kinetic energy that
-    goes [J].
+    before times ``smaller``. ``spin_radius`` is σ before [m], ``spin_factor`` m σ²/I. **Modifies**
+    ``mass`` and ``radius``; returns the kinetic energy that goes [J].
     """
     lost = 0.0
     for k in range(mass.size):
         vx, vy, spin = velocity[k, X], velocity[k, Y], velocity[k, SPIN]
-        now, size = initial[k] * (1.0 - worn[k]), radius[k] * smaller[k]
-        turning = mass[k] * radius[k] * radius[k] - now * size * size
+        now, about = initial[k] * (1.0 - worn[k]), spin_radius[k]
+        turning = mass[k] * about * about - now * (about * smaller[k]) * (about * smaller[k])
         lost += 0.5 * ((mass[k] - now) * (vx * vx + vy * vy) + turning / spin_factor * spin * spin)
-        mass[k], radius[k] = now, size
+        mass[k], radius[k] = now, radius[k] * smaller[k]
     return lost
 
 
 @kernel
 def turn_slower(
-    velocity: Floats, mass: Floats, before: Floats, radius: Floats, spin_factor: float
-) -> tuple[Floats, float]:
+    velocity: Floats, mass: Floats, before: Floats, radius: Floats, spin_radius: Floats,
+    spin_factor: float,
+) -> tuple[Floats, float]:  # fmt: skip
     """Velocities of the grains with spins ω (a⁻/a)², and the kinetic energy that they gain [J].
 
-    ``spin_factor`` is m a²/I.
+    ``spin_radius`` is σ with the new radii [m], ``spin_factor`` m σ²/I.
     """
     found, gained = velocity.copy(), 0.0
     for k in range(radius.size):
-        ratio, speed = before[k] / radius[k], before[k] * velocity[k, SPIN]
+        about = before[k] * (spin_radius[k] / radius[k])
+        ratio, speed = before[k] / radius[k], about * velocity[k, SPIN]
         found[k, SPIN] = ratio * ratio * velocity[k, SPIN]
         gained += 0.5 * mass[k] * (speed * speed) * (ratio * ratio - 1.0) / spin_factor
     return found, gained
@@ -152,6 +156,56 @@ def work_of_growth(
     for c in lanes.of_walls:
         work += contacts[c].p_n * _growth_at(rate[i[c]], contacts[c].gap, dt)
     return work
+
+
+# ---- At the points of grains that are no discs: there an outline moves with ȧ/a times its distance
+# from the center, straight along the normal. That it moves along the other, too, is left out.
+
+
+@kernel
+def push_points(
+    rate: Floats, radius: Floats, spin_radius: Floats, dt: float, faces: FacePairs,
+    contacts: Contacts,
+) -> Speeds:  # fmt: skip
+    """As `push`, of points; ``radius`` of the grains, and σ [m]."""
+    squares, opening = 0.0, 0.0
+    for f in range(faces.first.size):
+        for c in range(faces.first[f], faces.first[f] + faces.room[f]):
+            if contacts[c].gap < inf:
+                growth = _growth_of(rate, radius, spin_radius, dt, c, contacts)
+                rise = max(growth, 0.0)
+                contacts[c].bias -= rise
+                squares += rise * rise
+                opening += rise > 0.0
+                contacts[c].u_n -= 2.0 * growth
+    return Speeds(squares, opening, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def work_at_points(
+    rate: Floats, radius: Floats, spin_radius: Floats, dt: float, faces: FacePairs,
+    contacts: Contacts,
+) -> float:  # fmt: skip
+    """As `work_of_growth`, of points; arguments as `push_points`."""
+    work = 0.0
+    for f in range(faces.first.size):
+        for c in range(faces.first[f], faces.first[f] + faces.room[f]):
+            if contacts[c].gap < inf:
+                growth = _growth_of(rate, radius, spin_radius, dt, c, contacts)
+                work += contacts[c].p_n * growth
+    return work
+
+
+@formula
+def _growth_of(
+    rate: Floats, radius: Floats, spin_radius: Floats, dt: float, c: int, contacts: Contacts
+) -> float:
+    """G of a point, as `_growth_at` [m/s]."""
+    i, j = contacts[c].i, contacts[c].j
+    growth = -rate[i] / radius[i] * (contacts[c].turn_it * spin_radius[i])
+    if j < rate.size:
+        growth += rate[j] / radius[j] * (contacts[c].turn_jt * spin_radius[j])
+    return _growth_at(growth, contacts[c].gap, dt)
 
 
 @formula

@@ -115,9 +115,6 @@ GLASS = {
 # tables beside the group, key, words
 NOT_YET = {
     "rolling": ({"contacts": [{"pair": ["*", "glass"], "friction": 0.4, "rolling_friction": 0.1}]}, "contacts.0.rolling_friction", "rolling resistance of 0.1"),
-    "impacts": ({"heat": {"collisional": True}}, "heat.collisional", "conduction in an impact"),
-    "gas": ({"heat": {"gas": {"conductivity": 0.026}}}, "heat.gas", "gas in gaps"),
-    "neighbors": ({"heat": {"radiation": {"neighbors": True}}, "materials": {"glass": GLASS}}, "heat.radiation.neighbors", "radiation between neighbors"),
 }  # fmt: skip
 
 
@@ -129,11 +126,30 @@ def test_what_is_not_known_of_other_shapes_is_refused(name):
     parse_scenario(text_of({"kind": "ellipse", "aspect": 1.0}, **said), "shear.toml")
 
 
-def test_heat_of_other_shapes_is_that_of_contacts_film_and_surroundings():
+@pytest.mark.parametrize("model", ["batchelor", "vargas"])
+def test_gas_by_formulas_of_spheres_is_refused(model):
+    said = {"heat": {"gas": {"conductivity": 0.026, "model": model}}, "materials": {"glass": GLASS}}
+    text = text_of(FIVE, **said)
+    check_one(text, "heat.gas.model", None, f'"{model}" is a formula for spheres', "'grains'")
+    parse_scenario(text.replace(f'"{model}"', '"parallel"'), "shear.toml")
+
+
+def test_grains_of_other_shapes_may_grow_and_wear():
+    said = {
+        "heat": {"wear_shrinks": True}, "contacts": [{"friction": 0.4, "wear": 1e-4}],
+        "materials": {"glass": {**GLASS, "expansion": 9e-6, "hardness": 5e9}},
+    }  # fmt: skip
+    model = build(parse_scenario(text_of(FIVE, **said), "shear.toml"))[0]
+    assert model.sheds
+    assert model.expansion.tolist() == [9e-6]
+
+
+def test_heat_of_other_shapes_has_their_perimeter():
     said = {
         "heat": {
             "impact": True, "ambient": {"temperature": 300.0, "coefficient": 10.0},
-            "radiation": {"surroundings": 300.0},
+            "radiation": {"surroundings": 300.0, "neighbors": True}, "collisional": True,
+            "gas": {"conductivity": 0.026},
         },
         "materials": {"glass": GLASS},
     }  # fmt: skip

@@ -9,7 +9,7 @@ from scipy import integrate
 
 from multicor_cli.engine.contact import law
 from multicor_cli.engine.geometry.radii import effective_radius
-from multicor_cli.engine.heat import convection, friction, gas, hertz, radiation
+from multicor_cli.engine.heat import convection, friction, gas, hertz, hits, radiation
 
 SIX_DIGITS = 5e-6
 YOUNG, POISSON, CONDUCTIVITY, DENSITY, HEAT_CAPACITY = 193e9, 0.29, 15.0, 7500.0, 500.0
@@ -258,6 +258,17 @@ def test_largest_spot_of_an_impact_stores_the_kinetic_energy():
     radius = friction.impact_radius(m, A_EFF, MODULUS, v)
     energy = 8.0 / 15.0 * MODULUS * sqrt(A_EFF) * (radius * radius / A_EFF) ** 2.5
     assert energy == pytest.approx(0.5 * m * v * v, rel=1e-13)
+
+
+def test_impact_of_two_flat_sides():
+    """Of steel, 1 mm² and a gram each; without area there is none."""
+    time = hits.flat_time(5e-4, 1e-6, MODULUS)
+    assert time == pytest.approx(pi * sqrt(5e-4 / (2.0 * MODULUS * sqrt(1e-6 / pi))), rel=1e-15)
+    body = CONDUCTIVITY, VOLUMETRIC
+    exchange = hits.flat_exchange(5e-4, 1e-6, MODULUS, *body, *body)
+    effusivity = sqrt(CONDUCTIVITY * VOLUMETRIC)
+    assert exchange == pytest.approx(1e-6 * effusivity * sqrt(time / pi), rel=1e-14)
+    assert hits.flat_exchange(5e-4, 0.0, MODULUS, *body, *body) == 0.0
 
 
 # ---- convection

@@ -9,7 +9,7 @@ import pytest
 
 from multicor_cli.engine.contact import law, sweep
 from multicor_cli.engine.geometry import radii
-from multicor_cli.engine.heat import convection, friction, gas, hertz, radiation
+from multicor_cli.engine.heat import convection, films, friction, gas, hertz, hits, radiation, views
 from multicor_cli.engine.jit.compile import kernel
 
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3
@@ -304,6 +304,8 @@ SAMPLES = {
     "friction.impact_exchange": (5e-5, 7.5e-4, 1e11, 0.1, 15.0, 3.75e6, 200.0, 2.43e6),
     "friction.impact_radius": (5e-5, 7.5e-4, 1e11, 0.1),
     "friction.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
+    "hits.flat_time": (5e-5, 3e-6, 1e11),
+    "hits.flat_exchange": (5e-5, 3e-6, 1e11, 15.0, 3.75e6, 200.0, 2.43e6),
     "hertz.biot_number": (5e-4, 15.0 * A),
     "hertz.contact_volume": (0.7, 7.5e-4, 1e11),
     "hertz.contact_radius": (0.7, 7.5e-4, 1e11),
@@ -321,10 +323,15 @@ SAMPLES = {
     "law.weakened_friction": (0.6, 0.1, 0.5, 1.2),
     "law.weakening_speed": (0.5, 500.0, 1000.0, 293.15),
     "gas.batchelor_conductance": (AIR, 15.0, 7.5e-4, 6.9e-6, 0.0),
+    "gas.parallel_between": (AIR, A, 1e-5, 0.4 * A, 1e-5),
     "gas.parallel_conductance": (AIR, A, 2e-3, 6.9e-6, 1e-5),
     "gas.parallel_conductance_wall": (AIR, A, 6.9e-6, 1e-5),
+    "films.between_lines": (1e-3, 1e-5, 2e-4),
+    "films._of_spheres": (AIR, A, 2e-3, 0.0, A, 1.7e-3, 6.9e-6, 1e-5),
+    "films._beside": (2e-3, 3e-3, 2e-2),
     "gas.solid_to_gas_ratio": (15.0, 6.9e-6, AIR, A),
     "gas.vargas_conductance": (AIR, A, 6.9e-6),
+    "views._within_turn": (-17.3,),
     "radiation.cylinder_view_factor": (A, 2e-3, 1e-4),
     "radiation.linear_coefficient": (7e-6, 300.0, 450.0),
     "radiation.sphere_area_factor": (0.2, A, 2e-3),
@@ -347,7 +354,9 @@ SAMPLES = {
     "law.solve_full": (1e-4, 5e-5, -0.1, 0.2, 1e3, 200.0, 3e3, 0.4),
 }
 
-MODULES = [convection, friction, gas, hertz, law, radiation, radii, sweep]
+MODULES = [
+    convection, films, friction, gas, hertz, hits, law, radiation, radii, sweep, views,
+]  # fmt: skip
 
 
 def is_scalar_formula(node):
