@@ -7,7 +7,7 @@ with ``p_t`` opposing slip. Plain scalar functions: kernels compile them, tests 
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 
 from multicor_cli.engine.geometry.scene import disc_disc
 from multicor_cli.engine.jit.formulas import formula
@@ -132,32 +132,53 @@ def solve_full(
     """Exact solution with a full 2×2 Delassus matrix, by enumeration of open, stick and both slips.
 
     Arguments as `solve_exact`, with the matrix itself [1/kg]. Of several solutions (possible only
-    if ``W_nn < μ|W_nt|``) the first in the order open, stick, slip is taken; if rounding leaves
-    none, the sliding one with the larger impulse.
+    if ``W_nn < μ|W_nt|``) the one nearest to (p_n, p_t) in |W d|, so that each of them is a fixed
+    point; if rounding leaves none, the sliding one with the larger impulse.
     """
     # Velocities if this contact carried nothing.
     free_n = u_n - w_nn * p_n - w_nt * p_t
     free_t = u_t - w_nt * p_n - w_tt * p_t
+    is_single = mu * abs(w_nt) <= w_nn
+    least, found_n, found_t = inf, 0.0, 0.0
     if free_n >= 0.0:
-        return 0.0, 0.0
+        if is_single:
+            return 0.0, 0.0
+        least = _squared_change(-p_n, -p_t, w_nn, w_nt, w_tt)
     det = w_nn * w_tt - w_nt * w_nt
     if det > 0.0:
         stick_n = (w_nt * free_t - w_tt * free_n) / det
         stick_t = (w_nt * free_n - w_nn * free_t) / det
         if stick_n >= 0.0 and abs(stick_t) <= mu * stick_n:
-            return stick_n, stick_t
+            change = _squared_change(stick_n - p_n, stick_t - p_t, w_nn, w_nt, w_tt)
+            if is_single:
+                return stick_n, stick_t
+            if change < least:
+                least, found_n, found_t = change, stick_n, stick_t
     best_n, best_t = 0.0, 0.0
     for sign in (1.0, -1.0):
         stiffness = w_nn + sign * mu * w_nt
-        if stiffness <= 0.0:
+        if stiffness == 0.0 or free_n / stiffness > 0.0:
             continue
         slip_n = -free_n / stiffness
         slip_t = sign * mu * slip_n
         if sign * (free_t + w_nt * slip_n + w_tt * slip_t) <= 0.0:
-            return slip_n, slip_t
+            change = _squared_change(slip_n - p_n, slip_t - p_t, w_nn, w_nt, w_tt)
+            if is_single:
+                return slip_n, slip_t
+            if change < least:
+                least, found_n, found_t = change, slip_n, slip_t
         if slip_n > best_n:
             best_n, best_t = slip_n, slip_t
+    if least < inf:
+        return found_n, found_t
     return best_n, best_t
+
+
+@formula
+def _squared_change(d_n: float, d_t: float, w_nn: float, w_nt: float, w_tt: float) -> float:
+    """|W d|² [m²/s²]."""
+    c_n, c_t = w_nn * d_n + w_nt * d_t, w_nt * d_n + w_tt * d_t
+    return c_n * c_n + c_t * c_t
 
 
 # ---- Friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]` (phenomenological).

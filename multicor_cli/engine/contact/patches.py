@@ -168,6 +168,9 @@ SMALL = 100
 PEAK, SHARE = 5.0, 0.5
 """Peaks have an e_c so many times the rms; errors are clustered if these hold a share of Σ e_c²."""
 
+MINOR = 1e-3
+"""Share of the worst e_c below which a contact begins no cluster of its own."""
+
 PIVOTS = 10
 """Cap on the number of pivots, per unknown."""
 
@@ -231,7 +234,12 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
 
 @kernel
 def has_clusters(s: System) -> bool:
-    """Whether errors are those of small clusters, where patches help; a small system is one."""
+    """Whether errors are those of small clusters, where patches help; a small system is one.
+
+    So it is always taken to be where grains have corners: what cycles among them need not peak.
+    """
+    if s.faces is not None:
+        return True
     active, square = _measure(s)
     whole, count = 0.0, 0
     for k in range(square.size):
@@ -269,13 +277,25 @@ def _contacts_by_body(
 
 
 @kernel
-def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDArray[np.int64]:
-    """Up to ``size`` active contacts: the worst, then those that share a movable body with one."""
+def _around(
+    worst: int, size: int, active: NDArray[np.bool_], square: Floats, s: System
+) -> NDArray[np.int64]:
+    """Up to ``size`` active contacts: the worst, then those that share a movable body with one.
+
+    Where these are all, and there are grains with corners, the worst of those that are left
+    follows with its neighbors, and so on: two such clusters are solved together or not at all.
+    """
     start, contact = _contacts_by_body(active, s)
     chosen, is_left = np.empty(size, np.int64), active.copy()
     chosen[0], is_left[worst] = worst, False
     found, at = 1, 0
-    while at < found < size:
+    while found < size:
+        if at == found:
+            other = -1 if s.faces is None else _worst_of(is_left, square)
+            if other < 0 or square[other] < MINOR * MINOR * square[worst]:
+                break
+            chosen[found], is_left[other] = other, False
+            found += 1
         for side in range(2):
             b = _body(chosen[at], side, s)
             first, last = (start[b], start[b + 1]) if _is_movable(b, s) else (0, 0)
@@ -286,6 +306,15 @@ def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDAr
                     found += 1
         at += 1
     return chosen[:found]
+
+
+@kernel
+def _worst_of(chosen: NDArray[np.bool_], square: Floats) -> int:
+    worst = -1
+    for k in range(square.size):
+        if chosen[k] and (worst < 0 or square[k] > square[worst]):
+            worst = k
+    return worst
 
 
 class _Patch(NamedTuple):
@@ -492,11 +521,33 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
     return True, new
 
 
+def nothing_met(s: System) -> NDArray[np.bool_]:
+    """What `choose_patch` keeps in mind, of no contact yet."""
+    return np.zeros(s.slot.size + s.general_pair.shape[0], np.bool_)
+
+
 @kernel
-def choose_patch(s: System, size: int) -> NDArray[np.int64]:
-    """Up to ``size`` contacts around the worst one."""
+def choose_patch(s: System, size: int, met: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Up to ``size`` contacts around the worst one.
+
+    Points of grains with corners are among them if they have been active before: `keep_in_mind`.
+    """
+    keep_in_mind(s, met)
     active, square = _measure(s)
-    return _around(int(np.argmax(square)), size, active, s)
+    if s.faces is not None:
+        active |= met
+    return _around(int(np.argmax(square)), size, active, square, s)
+
+
+@kernel
+def keep_in_mind(s: System, met: NDArray[np.bool_]) -> None:
+    """Note which contacts are active among points of grains with corners, into ``met``.
+
+    The solution of a patch may need a contact that another one opens, and the other way round.
+    """
+    if s.faces is not None:
+        active, _ = _measure(s)
+        met |= active
 
 
 @kernel
