@@ -73,6 +73,10 @@ SMALLEST = 1e-11
 TIE = 1e-12
 """Ratios that differ by less are the same."""
 
+COARSE = 1e-9
+"""The same two where grains have corners: edges on edges leave W singular to rounding, and a pivot
+that is a rounding error spoils all later ones."""
+
 
 @loop_body
 def _add(target: Floats, source: Floats, factor: float) -> None:
@@ -96,7 +100,9 @@ def _exchange(table: Floats, row: int, column: int) -> None:
 
 
 @kernel
-def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> int:
+def _leaving_row(
+    table: Floats, column: int, basic: Ints, artificial: int, smallest: float, tie: float
+) -> int:
     """The row that first becomes negative as the variable of a column grows; -1 if none does.
 
     Of several the artificial variable's, which solves the problem, else that of the largest pivot.
@@ -104,11 +110,11 @@ def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> in
     last = table.shape[1] - 1
     least = np.inf
     for i in range(table.shape[0]):
-        if table[i, column] < -SMALLEST:
+        if table[i, column] < -smallest:
             least = min(least, table[i, last] / -table[i, column])
     found = -1
     for i in range(table.shape[0]):
-        if table[i, column] < -SMALLEST and table[i, last] / -table[i, column] <= least + TIE:
+        if table[i, column] < -smallest and table[i, last] / -table[i, column] <= least + tie:
             if basic[i] == artificial:
                 return i
             if found < 0 or table[i, column] < table[found, column]:
@@ -117,7 +123,10 @@ def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> in
 
 
 @kernel
-def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: Floats) -> bool:
+def solve_complementarity(
+    matrix: Floats, vector: Floats, limit: int, solution: Floats, smallest: float = SMALLEST,
+    tie: float = TIE,
+) -> bool:  # fmt: skip
     """Whether Lemke's method (covering vector of ones) finds z; it may end at a ray or the cap."""
     n = vector.size
     artificial = 2 * n
@@ -147,7 +156,7 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
         for k in range(n + 1):
             if free[k] == partner:
                 column = k
-        row = _leaving_row(table, column, basic, artificial)
+        row = _leaving_row(table, column, basic, artificial, smallest, tie)
         if row < 0:
             return False
     return False
@@ -511,7 +520,8 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
         matrix[rows + f, patch.owner[count + f]] = 2.0 * patch.friction[f]
         matrix[rows + f, count + f] = -1.0
     z = np.empty(rows + with_friction)
-    if not solve_complementarity(matrix, vector, PIVOTS * z.size, z):
+    smallest, tie = (SMALLEST, TIE) if s.faces is None else (COARSE, COARSE)
+    if not solve_complementarity(matrix, vector, PIVOTS * z.size, z, smallest, tie):
         return False, new
     for k in range(count):
         new[k] = mass * scale * max(z[k], 0.0)
