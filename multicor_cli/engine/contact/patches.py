@@ -73,9 +73,16 @@ SMALLEST = 1e-11
 TIE = 1e-12
 """Ratios that differ by less are the same."""
 
-COARSE = 1e-9
-"""The same two where grains have corners: edges on edges leave W singular to rounding, and a pivot
-that is a rounding error spoils all later ones."""
+GOLDEN = 0.6180339887498949
+"""Multiples of it are spread evenly modulo 1."""
+
+TRIES = ((1e-9, 1e-9, 0.0), (SMALLEST, TIE, 0.0), (1e-9, 1e-9, 0.5), (SMALLEST, TIE, 0.5))
+"""Smallest pivot, tie and spread of the covering vector, one after the other where grains have
+corners: edges on edges leave W singular to rounding, and a pivot that is a rounding error spoils
+all later ones. The first solution that proves to be one is taken."""
+
+PROVEN = 1e-6
+"""Largest |min(w, z)| of a solution, in a problem whose numbers are of order 1."""
 
 
 @loop_body
@@ -125,13 +132,17 @@ def _leaving_row(
 @kernel
 def solve_complementarity(
     matrix: Floats, vector: Floats, limit: int, solution: Floats, smallest: float = SMALLEST,
-    tie: float = TIE,
+    tie: float = TIE, spread: float = 0.0,
 ) -> bool:  # fmt: skip
-    """Whether Lemke's method (covering vector of ones) finds z; it may end at a ray or the cap."""
+    """Whether Lemke's method finds z; it may end at a ray or the cap.
+
+    The covering vector is one of ones, or of numbers from 1 to 1 + ``spread``: another path.
+    """
     n = vector.size
     artificial = 2 * n
     solution[:] = 0.0
-    row = int(np.argmin(vector))
+    cover = 1.0 + spread * ((GOLDEN * np.arange(n)) % 1.0)
+    row = int(np.argmin(vector / cover))
     if vector[row] >= 0.0:
         return True
     # Basic variables as functions of the others: of z (or w), of the artificial one, and constants
@@ -139,7 +150,7 @@ def solve_complementarity(
     for i in range(n):
         for k in range(n):
             table[i, k] = matrix[i, k]
-        table[i, n], table[i, n + 1] = 1.0, vector[i]
+        table[i, n], table[i, n + 1] = cover[i], vector[i]
     basic = np.arange(n)  # w_k is k, z_k is n + k
     free = n + np.arange(n + 1)
     column = n
@@ -160,6 +171,17 @@ def solve_complementarity(
         if row < 0:
             return False
     return False
+
+
+@kernel
+def _is_proven(matrix: Floats, vector: Floats, solution: Floats) -> bool:
+    for k in range(vector.size):
+        w = vector[k]
+        for c in range(vector.size):
+            w += matrix[k, c] * solution[c]
+        if not abs(min(w, solution[k])) <= PROVEN:
+            return False
+    return True
 
 
 # ---- The contacts around the worst one
@@ -520,8 +542,16 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
         matrix[rows + f, patch.owner[count + f]] = 2.0 * patch.friction[f]
         matrix[rows + f, count + f] = -1.0
     z = np.empty(rows + with_friction)
-    smallest, tie = (SMALLEST, TIE) if s.faces is None else (COARSE, COARSE)
-    if not solve_complementarity(matrix, vector, PIVOTS * z.size, z, smallest, tie):
+    is_solved = False
+    if s.faces is None:
+        is_solved = solve_complementarity(matrix, vector, PIVOTS * z.size, z)
+    else:
+        for smallest, tie, spread in TRIES:
+            is_solved = is_solved or (
+                solve_complementarity(matrix, vector, PIVOTS * z.size, z, smallest, tie, spread)
+                and _is_proven(matrix, vector, z)
+            )
+    if not is_solved:
         return False, new
     for k in range(count):
         new[k] = mass * scale * max(z[k], 0.0)
