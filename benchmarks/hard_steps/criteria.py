@@ -85,7 +85,8 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
         if loop["is_stuck"]:
             is_clustered = has_clusters(s)
             if is_clustered:
-                solve_patch(s, choose_patch(s, SIZES[min(int(loop["patches"]), len(SIZES) - 1)], met))
+                size = SIZES[min(int(loop["patches"]), len(SIZES) - 1)]
+                solve_patch(s, choose_patch(s, size, met))
             loops.begin_again(s, m, is_clustered, loop)
         else:
             loops.move_on(s, m, change, loops._growth(loop), loop, False)

@@ -7,7 +7,7 @@ with ``p_t`` opposing slip. Plain scalar functions: kernels compile them, tests 
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import sqrt
 
 from multicor_cli.engine.geometry.scene import disc_disc
 from multicor_cli.engine.jit.formulas import formula
@@ -138,40 +138,55 @@ def solve_full(
     # Velocities if this contact carried nothing.
     free_n = u_n - w_nn * p_n - w_nt * p_t
     free_t = u_t - w_nt * p_n - w_tt * p_t
-    is_single = mu * abs(w_nt) <= w_nn
-    least, found_n, found_t = inf, 0.0, 0.0
+    if mu * abs(w_nt) > w_nn and free_n >= 0.0:
+        return _nearest_solution(p_n, p_t, free_n, free_t, w_nn, w_nt, w_tt, mu)
     if free_n >= 0.0:
-        if is_single:
-            return 0.0, 0.0
-        least = _squared_change(-p_n, -p_t, w_nn, w_nt, w_tt)
+        return 0.0, 0.0
     det = w_nn * w_tt - w_nt * w_nt
     if det > 0.0:
         stick_n = (w_nt * free_t - w_tt * free_n) / det
         stick_t = (w_nt * free_n - w_nn * free_t) / det
         if stick_n >= 0.0 and abs(stick_t) <= mu * stick_n:
-            change = _squared_change(stick_n - p_n, stick_t - p_t, w_nn, w_nt, w_tt)
-            if is_single:
-                return stick_n, stick_t
-            if change < least:
-                least, found_n, found_t = change, stick_n, stick_t
+            return stick_n, stick_t
     best_n, best_t = 0.0, 0.0
     for sign in (1.0, -1.0):
         stiffness = w_nn + sign * mu * w_nt
-        if stiffness == 0.0 or free_n / stiffness > 0.0:
+        if stiffness <= 0.0:
             continue
         slip_n = -free_n / stiffness
         slip_t = sign * mu * slip_n
         if sign * (free_t + w_nt * slip_n + w_tt * slip_t) <= 0.0:
-            change = _squared_change(slip_n - p_n, slip_t - p_t, w_nn, w_nt, w_tt)
-            if is_single:
-                return slip_n, slip_t
-            if change < least:
-                least, found_n, found_t = change, slip_n, slip_t
+            return slip_n, slip_t
         if slip_n > best_n:
             best_n, best_t = slip_n, slip_t
-    if least < inf:
-        return found_n, found_t
     return best_n, best_t
+
+
+@formula
+def _nearest_solution(
+    p_n: float, p_t: float, free_n: float, free_t: float, w_nn: float, w_nt: float, w_tt: float,
+    mu: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Open, stick or slip against W_nt: whichever is a solution nearest to (p_n, p_t).
+
+    For ``W_nn < μ|W_nt|`` and a contact that nothing closes: the other slip is none then.
+    """
+    found_n, found_t = 0.0, 0.0
+    least = _squared_change(-p_n, -p_t, w_nn, w_nt, w_tt)
+    sign = -1.0 if w_nt > 0.0 else 1.0
+    slip_n = -free_n / (w_nn + sign * mu * w_nt)
+    slip_t = sign * mu * slip_n
+    change = _squared_change(slip_n - p_n, slip_t - p_t, w_nn, w_nt, w_tt)
+    if sign * (free_t + w_nt * slip_n + w_tt * slip_t) <= 0.0 and change < least:
+        least, found_n, found_t = change, slip_n, slip_t
+    det = w_nn * w_tt - w_nt * w_nt
+    if det > 0.0:
+        stick_n = (w_nt * free_t - w_tt * free_n) / det
+        stick_t = (w_nt * free_n - w_nn * free_t) / det
+        change = _squared_change(stick_n - p_n, stick_t - p_t, w_nn, w_nt, w_tt)
+        if stick_n >= 0.0 and abs(stick_t) <= mu * stick_n and change < least:
+            found_n, found_t = stick_n, stick_t
+    return found_n, found_t
 
 
 @formula

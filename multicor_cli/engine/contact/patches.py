@@ -174,6 +174,19 @@ def solve_complementarity(
 
 
 @kernel
+def _find(matrix: Floats, vector: Floats, has_corners: bool, z: Floats) -> bool:
+    """Whether z is found, among grains with corners on any of several paths."""
+    if not has_corners:
+        return solve_complementarity(matrix, vector, PIVOTS * z.size, z)
+    for smallest, tie, spread in TRIES:
+        if solve_complementarity(
+            matrix, vector, PIVOTS * z.size, z, smallest, tie, spread
+        ) and _is_proven(matrix, vector, z):
+            return True
+    return False
+
+
+@kernel
 def _is_proven(matrix: Floats, vector: Floats, solution: Floats) -> bool:
     for k in range(vector.size):
         w = vector[k]
@@ -542,16 +555,7 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
         matrix[rows + f, patch.owner[count + f]] = 2.0 * patch.friction[f]
         matrix[rows + f, count + f] = -1.0
     z = np.empty(rows + with_friction)
-    is_solved = False
-    if s.faces is None:
-        is_solved = solve_complementarity(matrix, vector, PIVOTS * z.size, z)
-    else:
-        for smallest, tie, spread in TRIES:
-            is_solved = is_solved or (
-                solve_complementarity(matrix, vector, PIVOTS * z.size, z, smallest, tie, spread)
-                and _is_proven(matrix, vector, z)
-            )
-    if not is_solved:
+    if not _find(matrix, vector, s.faces is not None, z):
         return False, new
     for k in range(count):
         new[k] = mass * scale * max(z[k], 0.0)

@@ -496,9 +496,7 @@ ALIKE = 1e-3
 
 
 @subroutine
-def approach(
-    point: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int
-) -> float:
+def approach(point: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int) -> float:
     """u_n of a point with these velocities of the bodies [m/s]."""
     body, turning = j, velocity[i, SURFACE] / pieces.spin[i]
     if j < scene.radius.size:
@@ -539,6 +537,49 @@ def _over_edge(pieces: Pieces, p: int, edge: int, q: int, ox: float, oy: float) 
 
 
 @subroutine
+def _is_axis(
+    point: Point, first: Point, scene: Scene, shape: int, graze: float
+) -> bool:  # fmt: skip
+    """Whether a pair may pass over the edge of this point, not that of its nearest one."""
+    turned_by = abs(point.nx * first.ny - point.ny * first.nx)
+    if point.gap < -graze or turned_by < ALIKE:
+        return False
+    is_vertex = shape >= 0 and scene.kind[shape] == _VERTEX
+    return not is_vertex or _is_outside(scene, shape, point.nx, point.ny, PASSING)
+
+
+@subroutine
+def _past(
+    first: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, a: int, j: int, b: int,
+    wall_x: float, wall_y: float, dt: float, graze: float,
+) -> Point:  # fmt: skip
+    """The point over the edge that the motion keeps open longest, or the nearest one.
+
+    The pieces are a and b, (wall_x, wall_y) the reference point of a wall, or 0.
+    """
+    closing = approach(first, scene, pieces, velocity, i, j)
+    found, widest, shape = first, first.gap + dt * closing, j - scene.radius.size
+    # From the center of i to that of j, or for walls to the origin
+    ox = first.i_x - first.j_x - first.gap * first.nx - wall_x
+    oy = first.i_y - first.j_y - first.gap * first.ny - wall_y
+    for turn in range(2):
+        p, q = (a, b) if turn == 0 else (b, a)
+        x, y = (ox, oy) if turn == 0 else (-ox, -oy)
+        last = pieces.start[p + 1] if pieces.start[p + 1] > pieces.start[p] + 1 else 0
+        for edge in range(pieces.start[p], last):  # a single corner has none
+            point = _over_edge(pieces, p, edge, q, x, y)
+            point = point if turn == 0 else _swapped(point)
+            if not _is_axis(point, first, scene, shape, graze):
+                continue
+            point = _moved(point, -wall_x, -wall_y)
+            speed = approach(point, scene, pieces, velocity, i, j)
+            later = point.gap + dt * speed
+            if later > widest and (later >= 0.0 or speed >= PASSING * closing):
+                found, widest = point, later
+    return found
+
+
+@subroutine
 def touch_passing(
     pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, velocity: Floats, dt: float,
     graze: float,
@@ -551,41 +592,19 @@ def touch_passing(
     first, second = touch_pieces(pieces, scene, i, a, j, b)
     if first.gap == inf:  # at the end of a side, but the other one is not
         first, second = second, first
-    if first.gap == inf:
-        return first, second
-    closing = approach(first, scene, pieces, velocity, i, j)
-    if first.gap + dt * closing >= 0.0:
-        return first, second
     shape, wall_x, wall_y, met = j - scene.radius.size, 0.0, 0.0, b
     if shape >= 0:
         met = pieces.piece[j]
-        if met == pieces.piece[j + 1]:  # a plane, or a circle around it
-            return first, second
         wall_x = scene.wall_position[scene.wall[shape], X]
         wall_y = scene.wall_position[scene.wall[shape], Y]
-    # From the center of i to that of j, or for walls to the origin
-    ox = first.i_x - first.j_x - first.gap * first.nx - wall_x
-    oy = first.i_y - first.j_y - first.gap * first.ny - wall_y
-    found, widest = first, first.gap + dt * closing
-    for turn in range(2):
-        p, q = (a, met) if turn == 0 else (met, a)
-        x, y = (ox, oy) if turn == 0 else (-ox, -oy)
-        for edge in range(pieces.start[p], pieces.start[p + 1]):
-            if pieces.start[p + 1] - pieces.start[p] == 1:  # no edge
-                continue
-            point = _over_edge(pieces, p, edge, q, x, y)
-            turned_by = abs(point.nx * first.ny - point.ny * first.nx)
-            if point.gap < -graze or turned_by < ALIKE:
-                continue
-            point = point if turn == 0 else _swapped(point)
-            point = _moved(point, -wall_x, -wall_y)
-            if shape >= 0 and scene.kind[shape] == _VERTEX:
-                if not _is_outside(scene, shape, point.nx, point.ny, PASSING):
-                    continue
-            speed = approach(point, scene, pieces, velocity, i, j)
-            later = point.gap + dt * speed
-            if later > widest and (later >= 0.0 or speed >= PASSING * closing):
-                found, widest = point, later
+    has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
+    if first.gap == inf or not has_corners:
+        return first, second
+    if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
+        return first, second
+    found = _past(
+        first, scene, pieces, velocity, i, a, j, met, wall_x, wall_y, dt, graze
+    )  # fmt: skip
     if found.nx == first.nx and found.ny == first.ny:
         return first, second
     is_line = shape >= 0 and scene.kind[shape] in (_SEGMENT, _SIDE)
