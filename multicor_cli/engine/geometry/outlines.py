@@ -587,7 +587,8 @@ def touch_passing(
     """As `touch_pieces`, of what passes along an edge with these velocities the point over it.
 
     A corner ahead is no obstacle if the pair is apart over another edge, or overlaps there by no
-    more than ``graze`` [m], and moves along this edge or stays above it (theory §3.4).
+    more than ``graze`` [m], and moves along this edge or stays above it (theory §3.4). Not in a
+    cell, where velocities lack the gradient.
     """
     first, second = touch_pieces(pieces, scene, i, a, j, b)
     if first.gap == inf:  # at the end of a side, but the other one is not
@@ -598,7 +599,7 @@ def touch_passing(
         wall_x = scene.wall_position[scene.wall[shape], X]
         wall_y = scene.wall_position[scene.wall[shape], Y]
     has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
-    if first.gap == inf or not has_corners:
+    if first.gap == inf or not has_corners or scene.height > 0.0:
         return first, second
     if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
         return first, second
