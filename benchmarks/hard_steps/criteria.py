@@ -11,7 +11,13 @@ import numpy as np
 from listening import Problem
 
 from multicor_cli.engine.contact import acceleration as loops
-from multicor_cli.engine.contact.patches import SIZES, choose_patch, has_clusters, solve_patch
+from multicor_cli.engine.contact.patches import (
+    SIZES,
+    choose_patch,
+    has_clusters,
+    nothing_met,
+    solve_patch,
+)
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
 from multicor_cli.engine.contact.system import flatten
@@ -65,7 +71,7 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
     m = loops.start_momentum(s)
     memory = loops.start_loop(s.contacts)
     loop, partial, rows = memory[0], np.empty(s.tile_start.size - 1), []
-    tolerance = RMS * scale.rms
+    tolerance, met = RMS * scale.rms, nothing_met(s)
     while loop["sweeps"] < limit:
         way = Relaxation(*loops.MODES[loop["mode"], :2].tolist(), float(loop["factor"]))
         change = float(np.sqrt(sweep(s, m.before, EXACT, way, False, partial) / loop["active"]))
@@ -79,7 +85,8 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
         if loop["is_stuck"]:
             is_clustered = has_clusters(s)
             if is_clustered:
-                solve_patch(s, choose_patch(s, SIZES[min(int(loop["patches"]), len(SIZES) - 1)]))
+                size = SIZES[min(int(loop["patches"]), len(SIZES) - 1)]
+                solve_patch(s, choose_patch(s, size, met))
             loops.begin_again(s, m, is_clustered, loop)
         else:
             loops.move_on(s, m, change, loops._growth(loop), loop, False)

@@ -36,6 +36,8 @@ from multicor_cli.engine.contact.patches import (
     choose_patch,
     has_clusters,
     hold,
+    keep_in_mind,
+    nothing_met,
     release,
     solve_patch,
 )
@@ -186,7 +188,9 @@ def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> No
     is_converged(system, NEVER, memory[0], False)
     begin_again(system, momentum, True, memory[0])
     solve_patch(system, contact)
-    choose_patch(system, 1)
+    met = nothing_met(system)
+    keep_in_mind(system, met)
+    choose_patch(system, 1, met)
     has_clusters(system)
 
 

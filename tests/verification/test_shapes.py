@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, G, advance, book, make_engine, make_model
+from scene_parts import FLOOR, G, advance, book, make_engine, make_model, tally
 from scipy.integrate import quad
 from scipy.optimize import linprog
 from shapes import (
@@ -195,6 +195,67 @@ def test_flush_joints_of_a_wall_stop_nothing(name, floor, friction):
     assert state.position[0, 0] == pytest.approx(0.5 * (speed + slowed) * time, rel=1e-5)
     assert np.abs(state.velocity[0, 1:]).max() < 1e-5
     assert abs(state.position[0, 2]) < 1e-6
+
+
+TILES = 9
+STEPS = {"flush": 0.0, "to rounding": 1e-9, "up and down": 1e-4, "a step": 0.05}
+
+
+def over_walls(step):
+    """A box on boxes that are walls of their own; every other one, or all from one on, higher."""
+    tops = [step * (k > 2 if step > 1e-2 else k % 2) for k in range(TILES)]
+    shapes = []
+    for k, top in enumerate(tops):
+        x = 0.7 * (k - 1)
+        around = [[x, -1.0], [x + 0.7, -1.0], [x + 0.7, top], [x, top]]
+        shapes += wall_line(around, k, kind=ShapeKind.SIDE, is_closed=True)
+    names = [f"tile {k}" for k in range(TILES)]
+    return [], [], shapes, names, 0.0
+
+
+def over_grains(step):
+    """The same on free boxes that lie side by side on a floor."""
+    heights = [0.5 + step * (k > 2 if step > 1e-2 else k % 2) for k in range(TILES)]
+    tiles = [[(box(0.7, height), 0.0)] for height in heights]
+    places = [[0.7 * (k - 1) + 0.35, 0.5 * height, 0.0] for k, height in enumerate(heights)]
+    return tiles, places, FLOOR, ("floor",), 0.5
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("floor", [over_walls, over_grains])
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_flush_joints_of_several_bodies_stop_nothing(floor, step, friction):
+    """The corner of the next box is passed, unless it is higher: then it is hit."""
+    tiles, places, shapes, walls, height = floor(STEPS[step])
+    dt, time, speed = 2e-3, 1.0, 3.0
+    grains = [[(box(1.0, 0.5), 0.0)], [(box(1.0, 1.0), 0.0)], *tiles]
+    model = shaped_model(grains, shapes, walls, friction=friction)
+    # The second one falls beside them
+    places = [[0.0, height + 0.25 + 1e-9, 0.0], [-30.0, 50.0, 0.0], *places]
+    start = np.zeros((len(grains), 3))
+    start[0, 0] = speed
+    engine = shaped_engine(model, places, start, settings=SHARP)
+    state = advance(engine, dt, round(time / dt))
+    slowed = speed - friction * G * time
+    if step == "a step":
+        assert state.velocity[0, 0] < 0.5 * slowed
+        return
+    assert state.velocity[0, 0] == pytest.approx(slowed, abs=1e-3)
+    assert state.position[0, 0] == pytest.approx(0.5 * (speed + slowed) * time, abs=2e-3)
+    assert abs(state.position[0, 2]) < 1e-3
+    assert tally(state, "max_overlap") <= 1e-3
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3, 0.4995])
+def test_a_tip_that_meets_a_side_hits_it(offset):
+    """With 2/(2/m + l²/I), off its middle too and near its end."""
+    model = shaped_model([[(box(1.0, 1.0), 0.0)]] * 2, friction=0.0, gravity=(0.0, 0.0))
+    places = [[0.0, 1.0, 0.25 * np.pi], [np.sqrt(0.5) + 0.5113, 1.0 + offset, 0.0]]
+    start = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
+    state = advance(shaped_engine(model, places, start, settings=SHARP), 2e-3, 5)
+    left = 1.0 - 2.0 / (2.0 + 6.0 * offset**2)
+    assert state.velocity[0] == pytest.approx([left, 0.0, 0.0], abs=3e-3)
+    assert state.velocity[1, 0] == pytest.approx(-left, abs=3e-3)
 
 
 def test_a_disc_among_shapes_rolls_over_flush_joints():

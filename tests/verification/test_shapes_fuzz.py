@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scene_parts import book, copy_of, tally
 from shapes import box, convex, disc, regular, rod, shaped_engine, shaped_model, wall_line
+from stuck import least_violation, strut
 
 from multicor_cli.engine import Engine, step
 from multicor_cli.engine.contact import solve
@@ -117,15 +118,25 @@ def test_a_million_steps_of_grains(clumps, dt, scenes):
 
     Clumps want shorter steps: positions are corrected without turning anything, and what is caught
     in a notch can only turn out of it.
+    A step is left unsolved only where it has no solution: the roller draws grains on however wedged
+    they are between it and the sides, and no impulse is enough for that.
     """
-    unsolved, deepest, steps = 0.0, 0.0, round(1.6 / dt)
+    jammed, deepest, steps = 0, 0.0, round(1.6 / dt)
     for seed in range(100, 100 + scenes):
         engine, room = any_scene(seed, clumps=clumps)
-        check(engine, room, run(engine, steps, dt=dt))
-        unsolved += tally(engine.state, "unconverged_steps")
+        energy = 0.0
+        for k in range(steps):
+            before = copy_of(engine.state)
+            energy = max(energy, run(engine, 1, k, dt))
+            if tally(engine.state, "unconverged_steps") > tally(before, "unconverged_steps"):
+                again = Engine(engine.model, before, threads=1)
+                again.resume(engine.orders)
+                assert least_violation(*strut(again, dt, k * dt)) > 0.01
+                jammed += 1
+        check(engine, room, energy)
         deepest = max(deepest, tally(engine.state, "max_overlap"))
-    print(f"{unsolved:g} of {steps * scenes} steps not solved, overlaps up to {deepest:.1e}")
-    assert unsolved <= 0.01 * steps * scenes
+    print(f"{jammed} of {steps * scenes} steps without a solution, overlaps up to {deepest:.1e}")
+    assert jammed <= 0.01 * steps * scenes
 
 
 @pytest.mark.parametrize("at", [1, 90, 220])

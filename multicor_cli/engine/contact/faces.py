@@ -38,7 +38,7 @@ from multicor_cli.engine.contact.face_sweep import (
     ROWS,
     Q,
 )
-from multicor_cli.engine.contact.law import bias
+from multicor_cli.engine.contact.law import GRAZE, bias
 from multicor_cli.engine.contact.vector_step import (
     FRICTION,
     IMPACT,
@@ -55,7 +55,7 @@ from multicor_cli.engine.geometry.outlines import (
     Point,
     fastest_points,
     pieces_met,
-    touch_pieces,
+    touch_passing,
     true_gap,
 )
 from multicor_cli.engine.geometry.radii import smaller_of
@@ -112,6 +112,10 @@ class FacePairs(NamedTuple):
 
 STEEP = 0.95
 """μ |W_nt|/W_nn from which on a point is relaxed by itself (`engine/contact/face_sweep.py`)."""
+
+SUNK = 2.0 * GRAZE
+"""Overlap over the smaller size, of two contacts one on the other, with which a corner ahead is
+passed and not hit: what stands on a floor and what slides over it have each sunk a little."""
 
 OPEN = 1e300
 """Bias of rows without a point: none ever closes [m/s]."""
@@ -232,9 +236,10 @@ def begin_faces(
             contact.p_n, contact.p_t, contact.gap, contact.key = 0.0, 0.0, inf, -1
         found = 0
         first, last = pieces_met(pieces, scene, j)
+        graze = SUNK * smaller_of(scene, i, j)
         for a in range(pieces.piece[i], pieces.piece[i + 1]):
             for b in range(first, last):
-                for point in touch_pieces(pieces, scene, i, a, j, b):
+                for point in touch_passing(pieces, scene, i, a, j, b, start, dt, graze):
                     if point.gap <= far and found == room:
                         lacking = max(lacking, far)
                     elif point.gap <= far:

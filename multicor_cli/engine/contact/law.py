@@ -132,12 +132,14 @@ def solve_full(
     """Exact solution with a full 2×2 Delassus matrix, by enumeration of open, stick and both slips.
 
     Arguments as `solve_exact`, with the matrix itself [1/kg]. Of several solutions (possible only
-    if ``W_nn < μ|W_nt|``) the first in the order open, stick, slip is taken; if rounding leaves
-    none, the sliding one with the larger impulse.
+    if ``W_nn < μ|W_nt|``) the one nearest to (p_n, p_t) in |W d|, so that each of them is a fixed
+    point; if rounding leaves none, the sliding one with the larger impulse.
     """
     # Velocities if this contact carried nothing.
     free_n = u_n - w_nn * p_n - w_nt * p_t
     free_t = u_t - w_nt * p_n - w_tt * p_t
+    if mu * abs(w_nt) > w_nn and free_n >= 0.0:
+        return _nearest_solution(p_n, p_t, free_n, free_t, w_nn, w_nt, w_tt, mu)
     if free_n >= 0.0:
         return 0.0, 0.0
     det = w_nn * w_tt - w_nt * w_nt
@@ -158,6 +160,40 @@ def solve_full(
         if slip_n > best_n:
             best_n, best_t = slip_n, slip_t
     return best_n, best_t
+
+
+@formula
+def _nearest_solution(
+    p_n: float, p_t: float, free_n: float, free_t: float, w_nn: float, w_nt: float, w_tt: float,
+    mu: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Open, stick or slip against W_nt: whichever is a solution nearest to (p_n, p_t).
+
+    For ``W_nn < μ|W_nt|`` and a contact that nothing closes: the other slip is none then.
+    """
+    found_n, found_t = 0.0, 0.0
+    least = _squared_change(-p_n, -p_t, w_nn, w_nt, w_tt)
+    sign = -1.0 if w_nt > 0.0 else 1.0
+    slip_n = -free_n / (w_nn + sign * mu * w_nt)
+    slip_t = sign * mu * slip_n
+    change = _squared_change(slip_n - p_n, slip_t - p_t, w_nn, w_nt, w_tt)
+    if sign * (free_t + w_nt * slip_n + w_tt * slip_t) <= 0.0 and change < least:
+        least, found_n, found_t = change, slip_n, slip_t
+    det = w_nn * w_tt - w_nt * w_nt
+    if det > 0.0:
+        stick_n = (w_nt * free_t - w_tt * free_n) / det
+        stick_t = (w_nt * free_n - w_nn * free_t) / det
+        change = _squared_change(stick_n - p_n, stick_t - p_t, w_nn, w_nt, w_tt)
+        if stick_n >= 0.0 and abs(stick_t) <= mu * stick_n and change < least:
+            found_n, found_t = stick_n, stick_t
+    return found_n, found_t
+
+
+@formula
+def _squared_change(d_n: float, d_t: float, w_nn: float, w_nt: float, w_tt: float) -> float:
+    """|W d|² [m²/s²]."""
+    c_n, c_t = w_nn * d_n + w_nt * d_t, w_nt * d_n + w_tt * d_t
+    return c_n * c_n + c_t * c_t
 
 
 # ---- Friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]` (phenomenological).

@@ -73,6 +73,17 @@ SMALLEST = 1e-11
 TIE = 1e-12
 """Ratios that differ by less are the same."""
 
+GOLDEN = 0.6180339887498949
+"""Multiples of it are spread evenly modulo 1."""
+
+TRIES = ((1e-9, 1e-9, 0.0), (SMALLEST, TIE, 0.0), (1e-9, 1e-9, 0.5), (SMALLEST, TIE, 0.5))
+"""Smallest pivot, tie and spread of the covering vector, one after the other where grains have
+corners: edges on edges leave W singular to rounding, and a pivot that is a rounding error spoils
+all later ones. The first solution that proves to be one is taken."""
+
+PROVEN = 1e-6
+"""Largest |min(w, z)| of a solution, in a problem whose numbers are of order 1."""
+
 
 @loop_body
 def _add(target: Floats, source: Floats, factor: float) -> None:
@@ -96,7 +107,9 @@ def _exchange(table: Floats, row: int, column: int) -> None:
 
 
 @kernel
-def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> int:
+def _leaving_row(
+    table: Floats, column: int, basic: Ints, artificial: int, smallest: float, tie: float
+) -> int:
     """The row that first becomes negative as the variable of a column grows; -1 if none does.
 
     Of several the artificial variable's, which solves the problem, else that of the largest pivot.
@@ -104,11 +117,11 @@ def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> in
     last = table.shape[1] - 1
     least = np.inf
     for i in range(table.shape[0]):
-        if table[i, column] < -SMALLEST:
+        if table[i, column] < -smallest:
             least = min(least, table[i, last] / -table[i, column])
     found = -1
     for i in range(table.shape[0]):
-        if table[i, column] < -SMALLEST and table[i, last] / -table[i, column] <= least + TIE:
+        if table[i, column] < -smallest and table[i, last] / -table[i, column] <= least + tie:
             if basic[i] == artificial:
                 return i
             if found < 0 or table[i, column] < table[found, column]:
@@ -117,12 +130,19 @@ def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> in
 
 
 @kernel
-def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: Floats) -> bool:
-    """Whether Lemke's method (covering vector of ones) finds z; it may end at a ray or the cap."""
+def solve_complementarity(
+    matrix: Floats, vector: Floats, limit: int, solution: Floats, smallest: float = SMALLEST,
+    tie: float = TIE, spread: float = 0.0,
+) -> bool:  # fmt: skip
+    """Whether Lemke's method finds z; it may end at a ray or the cap.
+
+    The covering vector is one of ones, or of numbers from 1 to 1 + ``spread``: another path.
+    """
     n = vector.size
     artificial = 2 * n
     solution[:] = 0.0
-    row = int(np.argmin(vector))
+    cover = 1.0 + spread * ((GOLDEN * np.arange(n)) % 1.0)
+    row = int(np.argmin(vector / cover))
     if vector[row] >= 0.0:
         return True
     # Basic variables as functions of the others: of z (or w), of the artificial one, and constants
@@ -130,7 +150,7 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
     for i in range(n):
         for k in range(n):
             table[i, k] = matrix[i, k]
-        table[i, n], table[i, n + 1] = 1.0, vector[i]
+        table[i, n], table[i, n + 1] = cover[i], vector[i]
     basic = np.arange(n)  # w_k is k, z_k is n + k
     free = n + np.arange(n + 1)
     column = n
@@ -147,10 +167,34 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
         for k in range(n + 1):
             if free[k] == partner:
                 column = k
-        row = _leaving_row(table, column, basic, artificial)
+        row = _leaving_row(table, column, basic, artificial, smallest, tie)
         if row < 0:
             return False
     return False
+
+
+@kernel
+def _find(matrix: Floats, vector: Floats, has_corners: bool, z: Floats) -> bool:
+    """Whether z is found, among grains with corners on any of several paths."""
+    if not has_corners:
+        return solve_complementarity(matrix, vector, PIVOTS * z.size, z)
+    for smallest, tie, spread in TRIES:
+        if solve_complementarity(
+            matrix, vector, PIVOTS * z.size, z, smallest, tie, spread
+        ) and _is_proven(matrix, vector, z):
+            return True
+    return False
+
+
+@kernel
+def _is_proven(matrix: Floats, vector: Floats, solution: Floats) -> bool:
+    for k in range(vector.size):
+        w = vector[k]
+        for c in range(vector.size):
+            w += matrix[k, c] * solution[c]
+        if not abs(min(w, solution[k])) <= PROVEN:
+            return False
+    return True
 
 
 # ---- The contacts around the worst one
@@ -167,6 +211,9 @@ SMALL = 100
 
 PEAK, SHARE = 5.0, 0.5
 """Peaks have an e_c so many times the rms; errors are clustered if these hold a share of Σ e_c²."""
+
+MINOR = 1e-3
+"""Share of the worst e_c below which a contact begins no cluster of its own."""
 
 PIVOTS = 10
 """Cap on the number of pivots, per unknown."""
@@ -231,7 +278,12 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
 
 @kernel
 def has_clusters(s: System) -> bool:
-    """Whether errors are those of small clusters, where patches help; a small system is one."""
+    """Whether errors are those of small clusters, where patches help; a small system is one.
+
+    So it is always taken to be where grains have corners: what cycles among them need not peak.
+    """
+    if s.faces is not None:
+        return True
     active, square = _measure(s)
     whole, count = 0.0, 0
     for k in range(square.size):
@@ -269,13 +321,25 @@ def _contacts_by_body(
 
 
 @kernel
-def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDArray[np.int64]:
-    """Up to ``size`` active contacts: the worst, then those that share a movable body with one."""
+def _around(
+    worst: int, size: int, active: NDArray[np.bool_], square: Floats, s: System
+) -> NDArray[np.int64]:
+    """Up to ``size`` active contacts: the worst, then those that share a movable body with one.
+
+    Where these are all, and there are grains with corners, the worst of those that are left
+    follows with its neighbors, and so on: two such clusters are solved together or not at all.
+    """
     start, contact = _contacts_by_body(active, s)
     chosen, is_left = np.empty(size, np.int64), active.copy()
     chosen[0], is_left[worst] = worst, False
     found, at = 1, 0
-    while at < found < size:
+    while found < size:
+        if at == found:
+            other = -1 if s.faces is None else _worst_of(is_left, square)
+            if other < 0 or square[other] < MINOR * MINOR * square[worst]:
+                break
+            chosen[found], is_left[other] = other, False
+            found += 1
         for side in range(2):
             b = _body(chosen[at], side, s)
             first, last = (start[b], start[b + 1]) if _is_movable(b, s) else (0, 0)
@@ -286,6 +350,15 @@ def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDAr
                     found += 1
         at += 1
     return chosen[:found]
+
+
+@kernel
+def _worst_of(chosen: NDArray[np.bool_], square: Floats) -> int:
+    worst = -1
+    for k in range(square.size):
+        if chosen[k] and (worst < 0 or square[k] > square[worst]):
+            worst = k
+    return worst
 
 
 class _Patch(NamedTuple):
@@ -482,7 +555,7 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
         matrix[rows + f, patch.owner[count + f]] = 2.0 * patch.friction[f]
         matrix[rows + f, count + f] = -1.0
     z = np.empty(rows + with_friction)
-    if not solve_complementarity(matrix, vector, PIVOTS * z.size, z):
+    if not _find(matrix, vector, s.faces is not None, z):
         return False, new
     for k in range(count):
         new[k] = mass * scale * max(z[k], 0.0)
@@ -492,11 +565,33 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
     return True, new
 
 
+def nothing_met(s: System) -> NDArray[np.bool_]:
+    """What `choose_patch` keeps in mind, of no contact yet."""
+    return np.zeros(s.slot.size + s.general_pair.shape[0], np.bool_)
+
+
 @kernel
-def choose_patch(s: System, size: int) -> NDArray[np.int64]:
-    """Up to ``size`` contacts around the worst one."""
+def choose_patch(s: System, size: int, met: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Up to ``size`` contacts around the worst one.
+
+    Points of grains with corners are among them if they have been active before: `keep_in_mind`.
+    """
+    keep_in_mind(s, met)
     active, square = _measure(s)
-    return _around(int(np.argmax(square)), size, active, s)
+    if s.faces is not None:
+        active |= met
+    return _around(int(np.argmax(square)), size, active, square, s)
+
+
+@kernel
+def keep_in_mind(s: System, met: NDArray[np.bool_]) -> None:
+    """Note which contacts are active among points of grains with corners, into ``met``.
+
+    The solution of a patch may need a contact that another one opens, and the other way round.
+    """
+    if s.faces is not None:
+        active, _ = _measure(s)
+        met |= active
 
 
 @kernel

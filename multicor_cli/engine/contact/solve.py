@@ -29,6 +29,8 @@ from multicor_cli.engine.contact.patches import (
     choose_patch,
     has_clusters,
     hold,
+    keep_in_mind,
+    nothing_met,
     release,
     solve_patch,
 )
@@ -180,6 +182,7 @@ def solve_system(
     memory, momentum = start_loop(count), start_momentum(system)
     loop = memory[0]
     partial = np.empty(system.tile_start.size - 1)
+    met = nothing_met(system)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
     outside = threads_in_use()
@@ -213,9 +216,9 @@ def solve_system(
                 is_clustered = bool(loop["is_peak"]) or has_clusters(system)
                 done = int(loop["patches"])
                 if is_clustered and done < len(SIZES):
-                    solve_patch(system, choose_patch(system, SIZES[done]))
+                    solve_patch(system, choose_patch(system, SIZES[done], met))
                 elif is_clustered:
-                    contact = choose_patch(system, BLOCKS[(done - len(SIZES)) % len(BLOCKS)])
+                    contact = choose_patch(system, BLOCKS[(done - len(SIZES)) % len(BLOCKS)], met)
                     _take_turns(
                         system,
                         contact,
@@ -227,6 +230,7 @@ def solve_system(
                         partial,
                         should_stop,
                     )
+                keep_in_mind(system, met)
                 begin_again(system, momentum, is_clustered, loop)
             _ask(should_stop)
     finally:

@@ -390,8 +390,11 @@ def _touch_circle(
 
 
 @subroutine
-def _is_outside(scene: Scene, shape: int, nx: float, ny: float) -> bool:
-    """Whether something with this normal can lie on a corner of a wall, beside both its sides."""
+def _is_outside(scene: Scene, shape: int, nx: float, ny: float, lean: float) -> bool:
+    """Whether something with this normal can lie on a corner of a wall, beside both its sides.
+
+    ``lean`` is a sine by which it may lie outside of their normals.
+    """
     world = scene.world
     for side in range(2):
         line = int(world[shape, TAIL_X if side == 0 else TAIL_Y])
@@ -400,7 +403,7 @@ def _is_outside(scene: Scene, shape: int, nx: float, ny: float) -> bool:
         x, y = world[line, TAIL_X] - world[line, X], world[line, TAIL_Y] - world[line, Y]
         # Along the one that ends here it leads on, along the one that begins here back
         leads = (x * nx + y * ny) * (1.0 if side == 0 else -1.0)
-        if leads < -LEAN * sqrt(x * x + y * y):
+        if leads < -lean * sqrt(x * x + y * y):
             return False
     return True
 
@@ -414,7 +417,7 @@ def _touch_corner(
     ``found`` is the one without regard to the sides that meet there. Where the corner is in the
     piece, and the way out that is shortest leads along a side, the shortest is that away from one.
     """
-    if _is_outside(scene, shape, found.nx, found.ny):
+    if _is_outside(scene, shape, found.nx, found.ny, LEAN):
         return found
     if found.gap >= 0.0:
         return NOWHERE
@@ -427,7 +430,7 @@ def _touch_corner(
         length = sqrt(x * x + y * y)
         for sign in (-1.0, 1.0):
             away_x, away_y = -sign * y / length, sign * x / length
-            if not _is_outside(scene, shape, away_x, away_y):
+            if not _is_outside(scene, shape, away_x, away_y, LEAN):
                 continue
             least = inf
             for v in range(pieces.start[a], pieces.start[a + 1]):
@@ -503,6 +506,137 @@ def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
     if j >= scene.radius.size:
         return 0, 1
     return pieces.piece[j], pieces.piece[j + 1]
+
+
+# ---- What passes along an edge
+
+PASSING = 0.1
+"""Closing speed over that of the nearest point, up to which a pair moves along an edge."""
+
+ALIKE = 1e-3
+"""Sine of the angle between two normals that are the same axis."""
+
+
+@subroutine
+def approach(point: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int) -> float:
+    """u_n of a point with these velocities of the bodies [m/s]."""
+    body, turning = j, velocity[i, SURFACE] / pieces.spin[i]
+    if j < scene.radius.size:
+        theirs = velocity[j, SURFACE] / pieces.spin[j]
+    else:
+        body = scene.radius.size + scene.wall[j - scene.radius.size]
+        theirs = velocity[body, SURFACE]
+    dx = velocity[i, X] - turning * point.i_y - (velocity[body, X] - theirs * point.j_y)
+    dy = velocity[i, Y] + turning * point.i_x - (velocity[body, Y] + theirs * point.j_x)
+    return float(dx * point.nx + dy * point.ny)
+
+
+@subroutine
+def _over_edge(pieces: Pieces, p: int, edge: int, q: int, ox: float, oy: float) -> Point:
+    """The lowest corner of q over an edge of p, whichever is nearest to its ends; i is p here.
+
+    (ox, oy) leads from the center of p to that of q.
+    """
+    corner, start = pieces.corner, pieces.start
+    after = edge + 1 if edge + 1 < start[p + 1] else start[p]
+    px, py = corner[edge, X], corner[edge, Y]
+    nx, ny = corner[edge, NORMAL_X], corner[edge, NORMAL_Y]
+    length = (corner[after, Y] - py) * nx - (corner[after, X] - px) * ny
+    least, nearest, low, beyond = inf, start[q], inf, inf
+    for v in range(start[q], start[q + 1]):
+        least = min(least, nx * (ox + corner[v, X] - px) + ny * (oy + corner[v, Y] - py))
+    for v in range(start[q], start[q + 1]):
+        x, y = ox + corner[v, X] - px, oy + corner[v, Y] - py
+        height, at = nx * x + ny * y, y * nx - x * ny
+        outside = max(-at, at - length, 0.0)
+        if height <= least + LEAN * length and outside < beyond:
+            nearest, low, beyond = v, height, outside
+    vx, vy = ox + corner[nearest, X], oy + corner[nearest, Y]
+    return _between(
+        vx - low * nx, vy - low * ny, vx, vy, nx, ny, pieces.rounding[p], pieces.rounding[q], ox,
+        oy, nearest,
+    )  # fmt: skip
+
+
+@subroutine
+def _is_axis(
+    point: Point, first: Point, scene: Scene, shape: int, graze: float
+) -> bool:  # fmt: skip
+    """Whether a pair may pass over the edge of this point, not that of its nearest one."""
+    turned_by = abs(point.nx * first.ny - point.ny * first.nx)
+    if point.gap < -graze or turned_by < ALIKE:
+        return False
+    is_vertex = shape >= 0 and scene.kind[shape] == _VERTEX
+    return not is_vertex or _is_outside(scene, shape, point.nx, point.ny, PASSING)
+
+
+@subroutine
+def _past(
+    first: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, a: int, j: int, b: int,
+    wall_x: float, wall_y: float, dt: float, graze: float,
+) -> Point:  # fmt: skip
+    """The point over the edge that the motion keeps open longest, or the nearest one.
+
+    The pieces are a and b, (wall_x, wall_y) the reference point of a wall, or 0.
+    """
+    closing = approach(first, scene, pieces, velocity, i, j)
+    found, widest, shape = first, first.gap + dt * closing, j - scene.radius.size
+    # From the center of i to that of j, or for walls to the origin
+    ox = first.i_x - first.j_x - first.gap * first.nx - wall_x
+    oy = first.i_y - first.j_y - first.gap * first.ny - wall_y
+    for turn in range(2):
+        p, q = (a, b) if turn == 0 else (b, a)
+        x, y = (ox, oy) if turn == 0 else (-ox, -oy)
+        last = pieces.start[p + 1] if pieces.start[p + 1] > pieces.start[p] + 1 else 0
+        for edge in range(pieces.start[p], last):  # a single corner has none
+            point = _over_edge(pieces, p, edge, q, x, y)
+            point = point if turn == 0 else _swapped(point)
+            if not _is_axis(point, first, scene, shape, graze):
+                continue
+            point = _moved(point, -wall_x, -wall_y)
+            speed = approach(point, scene, pieces, velocity, i, j)
+            later = point.gap + dt * speed
+            if later > widest and (later >= 0.0 or speed >= PASSING * closing):
+                found, widest = point, later
+    return found
+
+
+@subroutine
+def touch_passing(
+    pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, velocity: Floats, dt: float,
+    graze: float,
+) -> tuple[Point, Point]:  # fmt: skip
+    """As `touch_pieces`, of what passes along an edge with these velocities the point over it.
+
+    A corner ahead is no obstacle if the pair is apart over another edge, or overlaps there by no
+    more than ``graze`` [m], and moves along this edge or stays above it (theory §3.4). Not in a
+    cell, where velocities lack the gradient.
+    """
+    first, second = touch_pieces(pieces, scene, i, a, j, b)
+    if first.gap == inf:  # at the end of a side, but the other one is not
+        first, second = second, first
+    shape, wall_x, wall_y, met = j - scene.radius.size, 0.0, 0.0, b
+    if shape >= 0:
+        met = pieces.piece[j]
+        wall_x = scene.wall_position[scene.wall[shape], X]
+        wall_y = scene.wall_position[scene.wall[shape], Y]
+    has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
+    if first.gap == inf or not has_corners or scene.height > 0.0:
+        return first, second
+    if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
+        return first, second
+    found = _past(
+        first, scene, pieces, velocity, i, a, j, met, wall_x, wall_y, dt, graze
+    )  # fmt: skip
+    if found.nx == first.nx and found.ny == first.ny:
+        return first, second
+    is_line = shape >= 0 and scene.kind[shape] in (_SEGMENT, _SIDE)
+    if is_line and found.corner >= pieces.start[met]:
+        return NOWHERE, NOWHERE  # its ends are shapes of their own
+    return found, NOWHERE
+
+
+# ---- Pairs
 
 
 @subroutine

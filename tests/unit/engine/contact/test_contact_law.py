@@ -21,7 +21,7 @@ from scene_parts import (
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.contact import law as law
-from multicor_cli.engine.contact.patches import choose_patch, solve_patch
+from multicor_cli.engine.contact.patches import choose_patch, nothing_met, solve_patch
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import add_impulses
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
@@ -82,6 +82,30 @@ def test_full_solution_satisfies_the_law(q_n, q_t, mu, w_nt):
     u_n, u_t = q_n + w_nn * start_n + w_nt * start_t, q_t + w_nt * start_n + w_tt * start_t
     p_n, p_t = law.solve_full(start_n, start_t, u_n, u_t, w_nn, w_nt, w_tt, mu)
     _assert_law_holds(p_n, p_t, q_n + w_nn * p_n + w_nt * p_t, q_t + w_nt * p_n + w_tt * p_t, mu)
+
+
+def test_each_of_several_solutions_stays_what_it_is():
+    """W_nn < μ |W_nt|: what is not approached may be open, or wedged, or in between."""
+    w_nn, w_nt, w_tt, mu, several = 1.0, 0.8, 1.0, 1.5, 0
+    rng = np.random.default_rng(2)
+    for q_n, q_t in rng.normal(0.0, 1.0, (1600, 2)):
+        stick = -np.linalg.solve([[w_nn, w_nt], [w_nt, w_tt]], [q_n, q_t])
+        slips = [-q_n / (w_nn + mu * w_nt), -q_n / (w_nn - mu * w_nt)]
+        right = [np.zeros(2)] if q_n >= 0.0 else []
+        right += [stick] if stick[0] >= 0.0 and abs(stick[1]) <= mu * stick[0] else []
+        for p_n, sign in zip(slips, (1.0, -1.0), strict=True):
+            slip = np.array([p_n, sign * mu * p_n])
+            if p_n > 0.0 and sign * (q_t + w_nt * p_n + w_tt * slip[1]) <= 0.0:
+                right.append(slip)
+        several += len(right) > 1
+        for p_n, p_t in right:
+            _assert_law_holds(
+                p_n, p_t, q_n + w_nn * p_n + w_nt * p_t, q_t + w_nt * p_n + w_tt * p_t, mu
+            )
+            u_n, u_t = q_n + w_nn * p_n + w_nt * p_t, q_t + w_nt * p_n + w_tt * p_t
+            found = law.solve_full(p_n, p_t, u_n, u_t, w_nn, w_nt, w_tt, mu)
+            assert found == pytest.approx((p_n, p_t), abs=1e-12)
+    assert several > 30
 
 
 def test_full_solution_equals_the_exact_one_for_a_diagonal_matrix():
@@ -318,7 +342,7 @@ def test_a_patch_of_all_contacts_and_couples_is_the_solution():
     # Clusters that do not touch one another have a patch each, and contacts that were open may have
     # closed
     for _ in range(20):
-        assert solve_patch(system, choose_patch(system, 10_000))
+        assert solve_patch(system, choose_patch(system, 10_000, nothing_met(system)))
     rms, largest, energy, active = measure_residual(system, False)
     assert largest < 1e-12 * abs(system.velocity[:, :3]).max()
     assert rms <= largest
@@ -333,7 +357,7 @@ def test_patches_change_only_their_couples_and_keep_the_equation_of_motion():
     system = engine.next_system(0.02, 0.0).system
     couples, impulse = system.couples.impulse.copy(), system.impulse.copy()
     assert np.count_nonzero(couples)
-    assert solve_patch(system, choose_patch(system, 30))
+    assert solve_patch(system, choose_patch(system, 30, nothing_met(system)))
     assert 0 < np.count_nonzero(system.couples.impulse != couples) <= 30
     assert (system.impulse != impulse).any()
     fresh = engine.next_system(0.02, 0.0).system

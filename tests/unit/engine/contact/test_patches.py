@@ -11,7 +11,12 @@ from scene_parts import advance, shear_engine
 from multicor_cli.engine.contact import patches, solve, sweep
 from multicor_cli.engine.contact.acceleration import NEVER, iterate, start_loop, start_momentum
 from multicor_cli.engine.contact.law import solve_full
-from multicor_cli.engine.contact.patches import choose_patch, solve_complementarity, solve_patch
+from multicor_cli.engine.contact.patches import (
+    choose_patch,
+    nothing_met,
+    solve_complementarity,
+    solve_patch,
+)
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
@@ -85,7 +90,7 @@ def test_one_contact_is_solved_as_by_enumeration(bias, tangential, friction):
         -1.0 + bias + 0.3 * problem.levers()[0, 0, 0],
         -tangential + 0.3 * problem.levers()[0, 0, 1],
     )
-    assert solve_patch(system, choose_patch(system, 5))
+    assert solve_patch(system, choose_patch(system, 5, nothing_met(system)))
     expected = solve_full(0.0, 0.0, u_n, u_t, w_nn, w_nt, w_tt, friction)
     assert system.general_impulse[0] == pytest.approx(expected, abs=1e-12)
 
@@ -104,7 +109,7 @@ def test_a_patch_of_all_contacts_is_the_solution():
     system = layer(8)
     assert measure_residual(system, False)[1] > 1e-9
     for _ in range(3):  # contacts that were open may have closed
-        assert solve_patch(system, choose_patch(system, 10_000))
+        assert solve_patch(system, choose_patch(system, 10_000, nothing_met(system)))
     rms, largest, energy, _ = measure_residual(system, False)
     assert largest < 1e-12 * abs(system.velocity[:, :3]).max()
     assert rms <= largest
@@ -115,15 +120,15 @@ def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
     system = layer(300)
     active, square = patches._measure(system)
     worst = int(square.argmax())
-    chosen = patches._around(worst, 6, active, system).tolist()
+    chosen = patches._around(worst, 6, active, square, system).tolist()
     assert chosen[0] == worst
     loaded = int(system.impulse[:, 0].argmax())
     for first in (worst, loaded):
-        around = patches._around(first, 6, active, system).tolist()
+        around = patches._around(first, 6, active, square, system).tolist()
         assert len(set(around)) == len(around) <= 6
     assert len(around) == 6
     before = system.impulse.copy()
-    assert solve_patch(system, choose_patch(system, 6))
+    assert solve_patch(system, choose_patch(system, 6, nothing_met(system)))
     contacts = (system.impulse != before).any(axis=1).reshape(-1)
     assert np.count_nonzero(contacts) > 0
     assert set(np.flatnonzero(contacts).tolist()) <= set(chosen)
@@ -148,7 +153,7 @@ def test_a_patch_keeps_velocities_and_impulses_together():
     sweep.add_impulses(
         free._replace(impulse=-system.impulse, general_impulse=-system.general_impulse)
     )
-    assert solve_patch(system, choose_patch(system, 60))
+    assert solve_patch(system, choose_patch(system, 60, nothing_met(system)))
     sweep.add_impulses(
         free._replace(impulse=system.impulse, general_impulse=system.general_impulse)
     )
@@ -159,7 +164,7 @@ def test_a_patch_keeps_velocities_and_impulses_together():
 
 def test_held_contacts_stay_as_they_are():
     system = layer(30)
-    chosen = choose_patch(system, 60)
+    chosen = choose_patch(system, 60, nothing_met(system))
     frame, kept = system.frame.copy(), system.impulse.copy()
     mass = patches.hold(system, chosen)
     loop, momentum = start_loop(system.contacts), start_momentum(system)
