@@ -269,12 +269,12 @@ def begin_faces(
 
 @kernel
 def closed_beyond(
-    scene: Scene, pieces: Pieces, after: Floats, dt: float, faces: FacePairs, contacts: Contacts,
-    beyond: Floats,
+    scene: Scene, pieces: Pieces, start: Floats, after: Floats, dt: float, faces: FacePairs,
+    contacts: Contacts, beyond: Floats,
 ) -> float:  # fmt: skip
     """Largest gap of a point that did not count and closes in a step with v⁺ [m]; 0 if none does.
 
-    ``beyond`` as from `begin_faces`.
+    ``start`` are velocities v⁻, ``beyond`` is as from `begin_faces`.
     """
     largest = 0.0
     for f in range(beyond.size):
@@ -282,9 +282,10 @@ def closed_beyond(
         if beyond[f] > dt * fastest_points(scene, pieces, after, i, j):
             continue
         first, last = pieces_met(pieces, scene, j)
+        graze = SUNK * smaller_of(scene, i, j)
         for a in range(pieces.piece[i], pieces.piece[i + 1]):
             for b in range(first, last):
-                for point in touch_pieces(pieces, scene, i, a, j, b):
+                for point in touch_passing(pieces, scene, i, a, j, b, start, dt, graze):
                     if beyond[f] <= point.gap < inf and point.gap > largest:
                         u_n = _normal_velocity(scene, pieces, after, i, j, point)
                         largest = point.gap if point.gap + dt * u_n <= 0.0 else largest
