@@ -513,6 +513,10 @@ def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
 PASSING = 0.1
 """Closing speed over that of the nearest point, up to which a pair moves along an edge."""
 
+BESIDE = 20.0
+"""How far from a corner of both pieces a point may be that is passed, over the overlap there: at
+corners of more than 3° another edge overlaps by more where it is farther."""
+
 ALIKE = 1e-3
 """Sine of the angle between two normals that are the same axis."""
 
@@ -556,6 +560,16 @@ def _over_edge(pieces: Pieces, p: int, edge: int, q: int, ox: float, oy: float) 
         vx - low * nx, vy - low * ny, vx, vy, nx, ny, pieces.rounding[p], pieces.rounding[q], ox,
         oy, nearest,
     )  # fmt: skip
+
+
+@subroutine
+def _is_beside_corner(pieces: Pieces, p: int, x: float, y: float, near: float) -> bool:
+    """Whether a place is no farther than ``near`` [m] from a corner of a core."""
+    for v in range(pieces.start[p], pieces.start[p + 1]):
+        dx, dy = x - pieces.corner[v, X], y - pieces.corner[v, Y]
+        if dx * dx + dy * dy <= near * near:
+            return True
+    return False
 
 
 @subroutine
@@ -622,6 +636,13 @@ def touch_passing(
         wall_y = scene.wall_position[scene.wall[shape], Y]
     has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
     if first.gap == inf or not has_corners or scene.height > 0.0:
+        return first, second
+    r_a, r_b, near = pieces.rounding[a], pieces.rounding[met], BESIDE * graze
+    if not _is_beside_corner(
+        pieces, a, first.i_x + r_a * first.nx, first.i_y + r_a * first.ny, near
+    ) or not _is_beside_corner(
+        pieces, met, first.j_x + wall_x - r_b * first.nx, first.j_y + wall_y - r_b * first.ny, near
+    ):
         return first, second
     if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
         return first, second
