@@ -23,7 +23,6 @@ from multicor_cli.engine.contact.contacts import (
     Speeds,
     contact_after,
     friction_between,
-    stretch_along,
 )
 from multicor_cli.engine.contact.face_sweep import (
     A_N,
@@ -53,6 +52,7 @@ from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
 from multicor_cli.engine.geometry.outlines import (
     Pieces,
     Point,
+    approach,
     fastest_points,
     pieces_met,
     touch_passing,
@@ -73,7 +73,6 @@ from multicor_cli.model.columns import (
     SECOND,
     SLIDE,
     SPIN,
-    SURFACE,
     TANGENTIAL,
     W_NN,
     W_NT,
@@ -287,28 +286,9 @@ def closed_beyond(
             for b in range(first, last):
                 for point in touch_passing(pieces, scene, i, a, j, b, start, dt, graze):
                     if beyond[f] <= point.gap < inf and point.gap > largest:
-                        u_n = _normal_velocity(scene, pieces, after, i, j, point)
+                        u_n = approach(point, scene, pieces, after, i, j)
                         largest = point.gap if point.gap + dt * u_n <= 0.0 else largest
     return largest
-
-
-@subroutine
-def _normal_velocity(
-    scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int, point: Point
-) -> float:
-    """u_n at a point of a pair [m/s]; ``velocity`` of all bodies."""
-    count, nx, ny = scene.radius.size, point.nx, point.ny
-    body = j if j < count else count + scene.wall[j - count]
-    over_j = 1.0 / pieces.spin[j] if j < count else 1.0
-    turn_i = (point.i_x * ny - point.i_y * nx) / pieces.spin[i]
-    turn_j = (point.j_x * ny - point.j_y * nx) * over_j
-    dx, dy = velocity[i, X] - velocity[body, X], velocity[i, Y] - velocity[body, Y]
-    u_n = dx * nx + dy * ny + velocity[i, SURFACE] * turn_i - velocity[body, SURFACE] * turn_j
-    if j < count and scene.height > 0.0:
-        lx = point.j_x + point.gap * nx - point.i_x
-        ly = point.j_y + point.gap * ny - point.i_y
-        u_n += stretch_along(velocity, count, lx, ly, nx, ny)[0]
-    return float(u_n)
 
 
 @subroutine

@@ -532,6 +532,12 @@ def approach(point: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: in
         theirs = velocity[body, SURFACE]
     dx = velocity[i, X] - turning * point.i_y - (velocity[body, X] - theirs * point.j_y)
     dy = velocity[i, Y] + turning * point.i_x - (velocity[body, Y] + theirs * point.j_x)
+    if scene.height > 0.0:  # and as the gradient of a cell carries their centers
+        lx = point.j_x + point.gap * point.nx - point.i_x
+        ly = point.j_y + point.gap * point.ny - point.i_y
+        row = scene.radius.size
+        dx += velocity[row, XX] * lx + velocity[row, XY] * ly
+        dy += velocity[row, YY] * ly
     return float(dx * point.nx + dy * point.ny)
 
 
@@ -623,8 +629,7 @@ def touch_passing(
     """As `touch_pieces`, of what passes along an edge with these velocities the point over it.
 
     A corner ahead is no obstacle if the pair is apart over another edge, or overlaps there by no
-    more than ``graze`` [m], and moves along this edge or stays above it (theory §3.4). Not in a
-    cell, where velocities lack the gradient.
+    more than ``graze`` [m], and moves along this edge or stays above it (theory §3.4).
     """
     first, second = touch_pieces(pieces, scene, i, a, j, b)
     if first.gap == inf:  # at the end of a side, but the other one is not
@@ -635,7 +640,7 @@ def touch_passing(
         wall_x = scene.wall_position[scene.wall[shape], X]
         wall_y = scene.wall_position[scene.wall[shape], Y]
     has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
-    if first.gap == inf or not has_corners or scene.height > 0.0:
+    if first.gap == inf or not has_corners:
         return first, second
     r_a, r_b, near = pieces.rounding[a], pieces.rounding[met], BESIDE * graze
     if not _is_beside_corner(
