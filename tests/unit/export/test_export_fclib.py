@@ -135,10 +135,16 @@ def test_our_solution_solves_the_problem_in_the_file(name, run, tmp_path):
     assert np.abs(u_t * p_t + form.friction * p_n * np.abs(u_t)).max() <= 1e-7 * speed * push
 
 
-@pytest.mark.parametrize(
-    "problem", [column_problem(5), heap_problem(restitution=0.4), tilted(heap_problem(seed=1))]
-)
-def test_the_matrix_is_that_of_the_problem(problem):
+PROBLEMS = {
+    "column": lambda: column_problem(5),
+    "heap": lambda: heap_problem(restitution=0.4),
+    "tilted": lambda: tilted(heap_problem(seed=1)),
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_matrix_is_that_of_the_problem(name):
+    problem = PROBLEMS[name]()
     form = local_form(problem)
     expected, q = dense_delassus(problem)
     dense = np.zeros_like(expected)
