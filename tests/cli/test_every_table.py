@@ -23,7 +23,11 @@ from multicor_cli.store import RunDirectory, Snapshot, open_run
 # --- walls of every kind: what the tables hold
 
 
-@pytest.fixture(scope="module", params=RUNS, ids=lambda of: f"{of.kind} {of.seed}")
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(of, marks=[pytest.mark.reliability] * (of.seed > 1)) for of in RUNS],
+    ids=lambda of: f"{of.kind} {of.seed}",
+)
 def walled(request, tmp_path_factory):
     """A short run between walls of some kind."""
     folder = tmp_path_factory.mktemp("walled")

@@ -17,7 +17,7 @@ from scene_parts import (
     shear_engine,
     tally,
 )
-from shapes import box, shaped_engine, shaped_model, wall_line
+from shapes import box, shaped_engine, shaped_model
 
 from multicor_cli.engine.contact.adhesion import share_of_force
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Gravity, WallDrive
@@ -366,22 +366,19 @@ def test_work_of_adhesion_is_in_the_books_of_a_flow(kind):
 # ---- Points of grains that are no discs
 
 SQUARE = [(box(0.2, 0.2), 0.0)]
-JOINT = [wall_line([(1.0, 0.0), (0.0, 0.0)])[0], wall_line([(0.0, 0.0), (-1.0, 0.0)])[0]]
-"""A ceiling of two sides that meet over the grain."""
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("ceiling", "x"), [(CEILING, 0.0), (JOINT, 0.03), (JOINT, 0.1)])
-def test_a_side_holds_at_both_ends_wherever_pieces_of_a_wall_join(ceiling, x, kind, factor):
-    """A square below a ceiling bears 2 F_a, also with a joint over it or over its corner."""
+def test_a_side_holds_at_both_ends(kind, factor):
+    """A square below a ceiling bears 2 F_a."""
     model = shaped_model(
-        [SQUARE], ceiling, ("ceiling",), adhesion=1.0, reach=REACH, wet=kind == "wet"
+        [SQUARE], CEILING, ("ceiling",), adhesion=1.0, reach=REACH, wet=kind == "wet"
     )
     load = factor * 2.0 / model.grains.mass[0]
     model = replace(model, gravity=np.array([0.0, -load]))
-    high = -0.1 if ceiling is JOINT else 0.9
-    state = advance(shaped_engine(model, [[x, high]]), 1e-4, 2000)
+    high = 0.9
+    state = advance(shaped_engine(model, [[0.03, high]]), 4e-4, 500)
     assert (state.position[0, 1] < high - REACH) == (factor > 1.0)
     assert book(state, "closure") < 1e-12
 

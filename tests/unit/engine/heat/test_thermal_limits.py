@@ -351,6 +351,8 @@ SAMPLES = {
     "law.project_on_cone": (1e-3, 2e-3, 0.4),
     "law.solve_bipotential": (1e-4, 5e-5, -0.1, 0.2, 1e-3, 3e-4, 0.4),
     "law.solve_exact": (1e-4, 5e-5, -0.1, 0.2, 1e-3, 3e-4, 0.4),
+    "law._nearest_solution": (1e-4, 5e-5, 0.1, 0.2, 1e3, 2e3, 5e3, 0.8),
+    "law._squared_change": (1e-4, -5e-5, 1e3, 200.0, 3e3),
     "law.solve_full": (1e-4, 5e-5, -0.1, 0.2, 1e3, 200.0, 3e3, 0.4),
 }
 
