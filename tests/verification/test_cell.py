@@ -222,7 +222,8 @@ def test_a_cell_that_has_been_tilted_back_goes_on_as_before(shapes):
     assert min(tilts) >= -0.5
     assert (np.diff(tilts) < -0.9).sum() == round(way)
     assert way > 4.0
-    assert state.named("books")["closure"] < 1e-13
+    # Of shapes, which begin far apart, rounding in the first steps is compared with hardly anything
+    assert state.named("books")["closure"] < (1e-12 if shapes else 1e-13)
 
 
 @pytest.mark.parametrize("shapes", [(), FACES])
