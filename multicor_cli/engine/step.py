@@ -536,15 +536,9 @@ class Engine:
                 self._select_impacts(step)
             elif step.pieces is not None:
                 closed = closed_beyond(
-                    step.scene,
-                    step.pieces,
-                    layout.before,
-                    after,
-                    dt,
-                    selection.faces,
-                    contacts,
+                    step.scene, step.pieces, layout.before, after, dt, selection.faces, contacts,
                     beyond,
-                )
+                )  # fmt: skip
                 if closed > 0.0:  # points that were too far may meet with these velocities
                     least, is_missing = 2.0 * closed, True
             self._clock("detect")

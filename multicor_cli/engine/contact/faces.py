@@ -296,7 +296,7 @@ def closed_beyond(
 def _fastest_approach(
     point: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int
 ) -> float:
-    """No points of two convex pieces come nearer than by this times a time [m/s], at most 0 of it.
+    """A bound on u_n of two convex pieces [m/s]: their gap falls no faster than this says.
 
     On a straight way their gap is convex; what turns brings them nearer by no more than its way.
     """
