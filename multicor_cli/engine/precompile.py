@@ -137,7 +137,7 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     mass = model.grains.mass
     push_apart(
         scene, None, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY),
-        _NOBODY, mass, np.zeros((1, 3)), 1.0, 1, np.zeros(1, np.bool_),
+        _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, None, _NOBODY, _NOBODY)
     sums = account_grains(

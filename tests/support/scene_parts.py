@@ -44,8 +44,14 @@ def make_laws(
 
 
 def make_shapes(shapes):
-    """Shapes of walls from (kind, wall, four numbers)."""
+    """Shapes of walls from (kind, wall, four numbers); corners have the numbers of their lines."""
     kind, wall, geometry = zip(*shapes, strict=True) if shapes else ((), (), ())
+    for which, body, (_, y, *lines) in shapes:
+        for end, line in zip((slice(2, 4), slice(0, 2)), lines, strict=True):
+            if which == ShapeKind.VERTEX and line >= 0:
+                assert wall[int(line)] == body
+                assert kind[int(line)] in (ShapeKind.SEGMENT, ShapeKind.SIDE)
+                assert geometry[int(line)][end][1] == y
     numbers = np.array(geometry, float).reshape(len(kind), 4)
     return WallShapes(
         np.array(kind, np.int32), np.array(wall, np.int32), numbers, np.zeros(len(kind), np.int32)

@@ -9,7 +9,7 @@ from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.model import State
 from multicor_cli.model.measures import measure
 from multicor_cli.model.outlines import Outlines
-from multicor_cli.model.shapes import WallBody
+from multicor_cli.model.shapes import ShapeKind, WallBody
 
 POINT = np.zeros((1, 2))
 
@@ -86,6 +86,19 @@ def wall_line(points, wall=0, period=0.0, **keys):
     body = WallBody.empty((0.0, 0.0), 1.0).with_line(np.asarray(points, float), period, **keys)
     numbers = zip(body.kind, body.geometry, strict=True)
     return [(kind, wall, tuple(four)) for kind, four in numbers]
+
+
+def wall_shapes(*parts):
+    """Lists of shapes as one, in which the corners of each still know its own lines."""
+    joined = []
+    for part in parts:
+        first = len(joined)
+        for kind, wall, numbers in part:
+            if kind == ShapeKind.VERTEX:
+                lines = [line + first if line >= 0 else line for line in numbers[2:]]
+                numbers = (*numbers[:2], *lines)
+            joined.append((kind, wall, numbers))
+    return joined
 
 
 def on_slope(tangent, gravity=9.81):

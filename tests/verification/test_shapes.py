@@ -18,6 +18,7 @@ from shapes import (
     shaped_engine,
     shaped_model,
     wall_line,
+    wall_shapes,
 )
 
 from multicor_cli.engine import Settings
@@ -127,7 +128,7 @@ def arch_after(count, thickness, time, dt=2e-3):
     floor = [wall_line([[side * 0.5, 0.0], [side * 1.5, 0.0]], k) for k, side in enumerate((-1, 1))]
     blocks, _ = voussoirs(count, thickness)
     grains = [[(corners, 0.0)] for corners in blocks]
-    model = shaped_model(grains, floor[0] + floor[1], ("left", "right"), friction=1.0)
+    model = shaped_model(grains, wall_shapes(*floor), ("left", "right"), friction=1.0)
     engine = shaped_engine(model, outlines_of(grains)[1], settings=SHARP)
     for k in range(round(time / dt)):
         engine.step(dt, k * dt)
@@ -208,7 +209,8 @@ def over_walls(step):
     for k, top in enumerate(tops):
         x = 0.7 * (k - 1)
         around = [[x, -1.0], [x + 0.7, -1.0], [x + 0.7, top], [x, top]]
-        shapes += wall_line(around, k, kind=ShapeKind.SIDE, is_closed=True)
+        line = wall_line(around, k, kind=ShapeKind.SIDE, is_closed=True)
+        shapes = wall_shapes(shapes, line)
     names = [f"tile {k}" for k in range(TILES)]
     return [], [], shapes, names, 0.0
 

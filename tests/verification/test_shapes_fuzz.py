@@ -8,13 +8,25 @@ import sys
 import numpy as np
 import pytest
 from scene_parts import book, copy_of, tally
-from shapes import box, convex, disc, regular, rod, shaped_engine, shaped_model, wall_line
+from shapes import (
+    box,
+    convex,
+    disc,
+    regular,
+    rod,
+    shaped_engine,
+    shaped_model,
+    wall_line,
+    wall_shapes,
+)
 from stuck import least_violation, strut
 
 from multicor_cli.engine import Engine, step
 from multicor_cli.engine.contact import solve
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model import ShapeKind
+
+PADDLE = regular(3, 1.0)
 
 
 def any_grain(rng, *, clumps):
@@ -45,16 +57,17 @@ def any_scene(seed, columns=7, rows=7, threads=1, *, clumps=True, spin=0.0):
     count, pitch = columns * rows, 1.45
     width, height = pitch * columns, pitch * rows
     floor = -5.0
-    shapes = [
+    others = [
         (ShapeKind.PLANE, 0, (0.0, floor, 0.0, 1.0)),
         (ShapeKind.PLANE, 1, (0.0, 0.0, 1.0, 0.0)),
         (ShapeKind.PLANE, 1, (width, 0.0, -1.0, 0.0)),
-        *wall_line([[0.0, -0.5], [1.5, -1.0], [2.2, -1.1]], 2),
-        *wall_line(regular(3, 1.0), 3, kind=ShapeKind.SIDE, is_closed=True),
         (ShapeKind.DISC, 4, (0.0, 0.0, 0.5, 0.0)),
         (ShapeKind.VERTEX, 2, (8.0, -0.5, -1.0, -1.0)),
         (ShapeKind.PLANE, 5, (0.0, 0.0, 0.0, -1.0)),
     ]
+    funnel = wall_line([[0.0, -0.5], [1.5, -1.0], [2.2, -1.1]], 2)
+    paddle = wall_line(PADDLE, 3, kind=ShapeKind.SIDE, is_closed=True)
+    shapes = wall_shapes(others, funnel, paddle)
     walls = ("floor", "sides", "funnel", "paddle", "roller", "lid")
     model = shaped_model(
         [any_grain(rng, clumps=clumps) for _ in range(count)], shapes, walls, mass=5.0, length=width,
@@ -99,6 +112,12 @@ def check(engine, room, energy):
     assert abs(book(state, "closure")) <= 1e-10 * energy
     x, y = state.position[:, :2].T
     assert ((x > 0.0) & (x < width) & (y > floor) & (y < state.wall_position[5, 1])).all()
+    (px, py, angle), (rx, ry, _) = state.wall_position[3:5]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    of_paddle = (state.position[:, :2] - (px, py)) @ turn
+    normals = -PADDLE[[2, 0, 1]]  # of an equilateral triangle: away from the corner across
+    assert ((of_paddle @ normals.T).max(axis=1) > 0.5).all()
+    assert (np.hypot(x - rx, y - ry) > 0.5).all()
 
 
 def digest(state):

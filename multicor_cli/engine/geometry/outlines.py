@@ -142,6 +142,17 @@ def turn_grains(pieces: Pieces, position: Floats, corner: Floats) -> None:
             corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
 
 
+@subroutine
+def turn_by(pieces: Pieces, scene: Scene, k: int, angle: float) -> None:
+    """Turn a grain, whose position and corners are **modified**."""
+    scene.position[k, ANGLE] += angle
+    c, s, corner = cos(angle), sin(angle), pieces.corner
+    for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
+        x, y, nx, ny = corner[v, X], corner[v, Y], corner[v, NORMAL_X], corner[v, NORMAL_Y]
+        corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
+        corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+
+
 @kernel
 def place_walls(pieces: Pieces, scene: Scene, corner: Floats) -> None:
     """Put the corners of wall shapes where they are in a scene, into ``corner``, **modified**."""
@@ -744,17 +755,24 @@ def room_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -> 
 
 
 @subroutine
+def nearest_point(scene: Scene, pieces: Pieces, i: int, j: int) -> Point:
+    """The point of a pair with the smallest gap, infinite if there is none."""
+    nearest = NOWHERE
+    first, last = pieces_met(pieces, scene, j)
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for b in range(first, last):
+            for point in touch_pieces(pieces, scene, i, a, j, b):
+                if point.gap < nearest.gap:
+                    nearest = point
+    return nearest
+
+
+@subroutine
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
     if pieces is None:
         return pair_geometry(scene, i, j)
     if not are_faces(pieces, i, j):
         return pair_geometry(scene, i, j)
-    gap, nx, ny = inf, 0.0, 1.0
-    first, last = pieces_met(pieces, scene, j)
-    for a in range(pieces.piece[i], pieces.piece[i + 1]):
-        for b in range(first, last):
-            for point in touch_pieces(pieces, scene, i, a, j, b):
-                if point.gap < gap:
-                    gap, nx, ny = point.gap, point.nx, point.ny
-    return gap, nx, ny
+    nearest = nearest_point(scene, pieces, i, j)
+    return nearest.gap, nearest.nx, nearest.ny

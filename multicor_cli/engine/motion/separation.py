@@ -3,7 +3,8 @@
 The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥
 −target for all near pairs. That is a convex problem, a contact problem without friction whose
 velocities are displacements; it is solved by accelerated sweeps, with the walls that a force drives
-taking part. (Pushing pairs apart one by one alone never ends under a heavy lid.)
+taking part. Grains that are no discs turn as well, ½ Σ I δθ² is added: what is caught in a notch
+can only turn out of it. (Pushing pairs apart one by one alone never ends under a heavy lid.)
 
 In a flow a few contacts overlap a little in nearly every step. They are pushed apart one by one,
 and so are those that are pushed too deep by that; nearly always that ends after some pushes each.
@@ -25,12 +26,15 @@ from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
 from multicor_cli.engine.geometry.outlines import (
     Pieces,
+    Point,
     are_faces,
+    nearest_point,
     pieces_met,
     place_walls,
     points_within,
     touch_pieces,
     true_gap,
+    turn_by,
 )
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes, shortest
@@ -40,7 +44,7 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.cell import carry, strain_between
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, XX, XY, YY, X, Y
+from multicor_cli.model.columns import ANGLE, FIRST, GAP, NX, NY, SECOND, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 
 # ---- Overlaps, and the grains around them
@@ -167,6 +171,49 @@ def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[
 # ---- Pushing apart, pair by pair
 
 
+@subroutine
+def _levers(point: Point) -> tuple[float, float]:
+    """Levers of a normal force at a point about the centers of i and j [m]."""
+    return (
+        point.i_x * point.ny - point.i_y * point.nx,
+        point.j_x * point.ny - point.j_y * point.nx,
+    )
+
+
+@subroutine
+def _move(scene: Scene, pieces: Pieces | None, k: int, x: float, y: float, angle: float) -> None:
+    scene.position[k, X] += x
+    scene.position[k, Y] += y
+    if pieces is not None:
+        turn_by(pieces, scene, k, angle)
+
+
+@subroutine
+def _opening(
+    scene: Scene, pieces: Pieces | None, a: int, b: int, mass: Floats, inertia: Floats
+) -> tuple[float, float, float, float, float, float, float]:
+    """Gap [m] and normal of a pair, and what opens it by a unit of length with the least work.
+
+    These are the ways of a and b along the normal, away from each other, and by how much each turns
+    [1/m], as its lever says.
+    """
+    count = mass.size
+    if pieces is not None and are_faces(pieces, a, b):
+        point = nearest_point(scene, pieces, a, b)
+        of_a, of_b = _levers(point)
+        way_a, turn_a, way_b, turn_b = 1.0 / mass[a], of_a / inertia[a], 0.0, 0.0
+        if b < count:
+            way_b, turn_b = 1.0 / mass[b], of_b / inertia[b]
+        give = way_a + way_b + of_a * turn_a + of_b * turn_b
+        return (
+            point.gap, point.nx, point.ny, way_a / give, way_b / give, turn_a / give,
+            -turn_b / give,
+        )  # fmt: skip
+    gap, nx, ny = pair_geometry(scene, a, b)
+    way_a = mass[b] / (mass[a] + mass[b]) if b < count else 1.0
+    return gap, nx, ny, way_a, 1.0 - way_a, 0.0, 0.0
+
+
 @kernel
 def push_pairs(
     scene: Scene,
@@ -176,15 +223,16 @@ def push_pairs(
     around: Around,
     partner: Ints,
     mass: Floats,
+    inertia: Floats,
     target: float,
     allowed: float,
     marked: NDArray[np.bool_],
 ) -> tuple[float, float]:
     """Push pairs that overlap by more than ``allowed`` back to ``target``, and whom that pushes.
 
-    One after the other, as the masses say, walls held, until none is left or too many have been;
-    not at all where these are not few. Positions of ``scene`` are **modified**; grains that move
-    are marked. Returns Σ m δx and Σ m δy [kg m].
+    One after the other, as masses and moments of inertia say, walls held, until none is left or too
+    many have been; not at all where these are not few. Positions of ``scene`` and ``pieces`` are
+    **modified**; grains that move are marked. Returns Σ m δx and Σ m δy [kg m].
     """
     count, pull_x, pull_y, found = marked.size, 0.0, 0.0, 0
     most = int(FEW * count)
@@ -199,23 +247,19 @@ def push_pairs(
     while done < found:
         a, b = queue[done, FIRST], queue[done, SECOND]
         done += 1
-        gap, nx, ny = true_gap(scene, pieces, a, b)
+        gap, nx, ny, way_a, way_b, turn_a, turn_b = _opening(scene, pieces, a, b, mass, inertia)
         smaller = smaller_of(scene, a, b)
         if -gap <= allowed * smaller:
             continue
-        way = -gap - target * smaller
-        mine = mass[b] / (mass[a] + mass[b]) if b < count else 1.0
-        scene.position[a, X] += mine * way * nx
-        scene.position[a, Y] += mine * way * ny
-        pull_x += mass[a] * mine * way * nx
-        pull_y += mass[a] * mine * way * ny
+        opened = -gap - target * smaller
+        _move(scene, pieces, a, way_a * opened * nx, way_a * opened * ny, turn_a * opened)
+        pull_x += mass[a] * way_a * opened * nx
+        pull_y += mass[a] * way_a * opened * ny
         marked[a] = True
         if b < count:
-            other = 1.0 - mine
-            scene.position[b, X] -= other * way * nx
-            scene.position[b, Y] -= other * way * ny
-            pull_x -= mass[b] * other * way * nx
-            pull_y -= mass[b] * other * way * ny
+            _move(scene, pieces, b, -way_b * opened * nx, -way_b * opened * ny, turn_b * opened)
+            pull_x -= mass[b] * way_b * opened * nx
+            pull_y -= mass[b] * way_b * opened * ny
             marked[b] = True
         for k in (a, b):
             if k >= count:
@@ -244,8 +288,9 @@ class _Bodies(NamedTuple):
 
     Attributes:
         number: Row of each grain and wall, shape ``(n + w,)``.
-        mobility: Inverse masses in x and y [1/kg], two unused columns, shape ``(held + 2, 4)``.
-        weight: Their reciprocals, 0 where held [kg], shape ``(held + 2, 4)``.
+        mobility: Inverse masses in x and y [1/kg] and moment of inertia [1/(kg·m²)], 0 where none
+            turns, and an unused column, shape ``(held + 2, 4)``.
+        weight: Their reciprocals, 0 where held, shape ``(held + 2, 4)``.
         held: Number of movable bodies.
         strains: Whether a cell is strained.
     """
@@ -259,9 +304,16 @@ class _Bodies(NamedTuple):
 
 @kernel
 def _bodies(
-    marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats, is_cell: bool
+    marked: NDArray[np.bool_],
+    mass: Floats,
+    inertia: Floats | None,
+    wall_inverse: Floats,
+    is_cell: bool,
 ) -> _Bodies:
-    """``wall_inverse`` are inverse masses of walls, of a cell those of its strain, ``(w, 3)``."""
+    """``wall_inverse`` are inverse masses of walls, of a cell those of its strain, ``(w, 3)``.
+
+    Without ``inertia`` no grain turns.
+    """
     n, w = marked.size, 0 if is_cell else wall_inverse.shape[0]
     count = 0
     number = np.full(n + w, -1, np.int32)
@@ -284,6 +336,8 @@ def _bodies(
             inverse = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
             mobility[number[k], d] = inverse
             weight[number[k], d] = 1.0 / inverse if inverse > 0.0 else 0.0
+        if inertia is not None and k < n:
+            mobility[number[k], ANGLE], weight[number[k], ANGLE] = 1.0 / inertia[k], inertia[k]
     return _Bodies(number, mobility, weight, count, strains)
 
 
@@ -297,21 +351,23 @@ def _measure(
     near: float,
     target: float,
     allowed: float,
-) -> tuple[Ints, Floats]:
+) -> tuple[Ints, Floats, Floats]:
     """Pairs that can be moved: bodies; normal, how far they may still close [m] and 1/W [kg].
 
-    Each point of grains that are no discs is one: what moves one may undo another. In any list that
-    is complete up to ``near`` [m] the same. A pair with a held body keeps an overlap between
+    Each point of grains that are no discs is one: what moves one may undo another. Levers are the
+    third array [m], shape ``(p, 2)``, or ``(0, 2)`` if all grains are discs. In any list that is
+    complete up to ``near`` [m] the same. A pair with a held body keeps an overlap between
     ``target`` and ``allowed``: a grain between two held ones could not be freed of both.
     """
-    n, held, room = scene.radius.size, bodies.held, i.size
+    n, held, room, turning = scene.radius.size, bodies.held, i.size, 0
     if pieces is not None:
         room = 0
         for c in range(i.size):
             is_face = are_faces(pieces, i[c], j[c])
             room += points_within(scene, pieces, i[c], j[c], near) if is_face else 1
+        turning = room
     pair, frame = np.empty((room, 2), np.int32), np.empty((room, 6 if bodies.strains else 4))
-    found = 0
+    lever, found = np.empty((turning, 2)), 0
     for c in range(i.size):
         a = bodies.number[i[c]]
         b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
@@ -323,34 +379,43 @@ def _measure(
                 for m in range(first, last):
                     for point in touch_pieces(pieces, scene, i[c], k, j[c], m):
                         if point.gap <= near:
+                            lever[found, FIRST], lever[found, SECOND] = _levers(point)
                             found += _enter_row(
                                 scene, bodies, i[c], j[c], a, b, point.gap, point.nx, point.ny,
-                                False, target, allowed, pair[found], frame[found],
+                                lever[found], target, allowed, pair[found], frame[found],
                             )  # fmt: skip
             continue
         gap, nx, ny = pair_geometry(scene, i[c], j[c])
         if gap <= near:
+            if pieces is not None:
+                lever[found, FIRST], lever[found, SECOND] = 0.0, 0.0
             found += _enter_row(
-                scene, bodies, i[c], j[c], a, b, gap, nx, ny, True, target, allowed, pair[found],
+                scene, bodies, i[c], j[c], a, b, gap, nx, ny, None, target, allowed, pair[found],
                 frame[found],
             )  # fmt: skip
-    return pair[:found], frame[:found]
+    return pair[:found], frame[:found], lever[:found]
 
 
 @subroutine
 def _enter_row(
     scene: Scene, bodies: _Bodies, i: int, j: int, a: int, b: int, gap: float, nx: float, ny: float,
-    are_discs: bool, target: float, allowed: float, pair: Ints, frame: Floats,
+    lever: Floats | None, target: float, allowed: float, pair: Ints, frame: Floats,
 ) -> bool:  # fmt: skip
-    """Enter a point of a pair, the bodies a and b; not if neither can move along its normal."""
+    """Enter a point of a pair, the bodies a and b; not if neither can move along its normal.
+
+    ``lever``, shape ``(2,)`` [m], is none for discs.
+    """
     held = bodies.held
     give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
         bodies.mobility[a, Y] + bodies.mobility[b, Y]
     ) * ny * ny
+    if lever is not None:
+        give += bodies.mobility[a, ANGLE] * lever[FIRST] * lever[FIRST]
+        give += bodies.mobility[b, ANGLE] * lever[SECOND] * lever[SECOND]
     if bodies.strains:
         length, cell = scene.radius[i] + scene.radius[j] + gap, bodies.mobility[held + 1]
         lx, ly = length * nx, length * ny
-        if not are_discs:
+        if lever is not None:
             lx, ly = shortest(
                 scene.position[i, X] - scene.position[j, X],
                 scene.position[i, Y] - scene.position[j, Y],
@@ -372,13 +437,21 @@ def _enter_row(
 
 @formula
 def _relax(
-    c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats
+    c: int,
+    pair: Ints,
+    frame: Floats,
+    lever: Floats,
+    push: Floats,
+    mobility: Floats,
+    shift: Floats,
 ) -> float:
     """Relax a pair; returns by how much it opens or closes [m]."""
     a, b = pair[c, FIRST], pair[c, SECOND]
     nx, ny = frame[c, NX], frame[c, NY]
     gap = frame[c, GAP] + nx * (shift[a, X] - shift[b, X]) + ny * (shift[a, Y] - shift[b, Y])
-    strains, strain = frame.shape[1] > _LX, shift.shape[0] - 1
+    turns, strains, strain = lever.shape[0] > 0, frame.shape[1] > _LX, shift.shape[0] - 1
+    if turns:
+        gap += lever[c, FIRST] * shift[a, ANGLE] - lever[c, SECOND] * shift[b, ANGLE]
     if strains:
         lx, ly = frame[c, _LX], frame[c, _LY]
         gap += nx * (shift[strain, XX] * lx + shift[strain, XY] * ly) + ny * shift[strain, YY] * ly
@@ -390,6 +463,9 @@ def _relax(
     shift[a, Y] += mobility[a, Y] * change * ny
     shift[b, X] -= mobility[b, X] * change * nx
     shift[b, Y] -= mobility[b, Y] * change * ny
+    if turns:
+        shift[a, ANGLE] += mobility[a, ANGLE] * change * lever[c, FIRST]
+        shift[b, ANGLE] -= mobility[b, ANGLE] * change * lever[c, SECOND]
     if strains:
         shift[strain, XX] += mobility[strain, XX] * change * nx * frame[c, _LX]
         shift[strain, YY] += mobility[strain, YY] * change * ny * frame[c, _LY]
@@ -399,12 +475,18 @@ def _relax(
 
 @kernel
 def _solve(
-    pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int, memory: NDArray[np.void]
+    pair: Ints,
+    frame: Floats,
+    lever: Floats,
+    bodies: _Bodies,
+    enough: float,
+    sweeps: int,
+    memory: NDArray[np.void],
 ) -> Floats:
-    """Displacements of the bodies [m] and the strain, rows of `_Bodies`, by accelerated sweeps.
+    """Displacements and turns of the bodies [m, rad] and the strain, rows of `_Bodies`.
 
-    ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees an array after its
-    last use, while a record of it is still in use.
+    By accelerated sweeps. ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees
+    an array after its last use, while a record of it is still in use.
     """
     shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
     before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
@@ -418,7 +500,7 @@ def _solve(
     for _ in range(sweeps):
         largest, squares = 0.0, 0.0
         for c in range(push.size):
-            moved = _relax(c, pair, frame, push, bodies.mobility, shift)
+            moved = _relax(c, pair, frame, lever, push, bodies.mobility, shift)
             largest = max(largest, moved)
             squares += moved * moved
         if largest <= enough:
@@ -445,6 +527,7 @@ def separate(
     j: Ints,
     marked: NDArray[np.bool_],
     mass: Floats,
+    inertia: Floats,
     wall_inverse: Floats,
     near: float,
     target: float,
@@ -454,27 +537,27 @@ def separate(
 ) -> tuple[Floats, float, float]:
     """Move the marked grains as little as leaves no more than a target of overlap.
 
-    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for the pairs (i, j) with a gap up to ``near``
-    [m] that can be moved, linearized at the present positions, which are **modified**. Inverse
-    masses of walls are of shape ``(w, 3)``, 0 if held [1/kg]: they are not turned. Overlaps are
-    over the smaller radius: ``target`` is left, and up to ``allowed`` a pair with a held body is
-    left alone. Sweeps end with one whose largest displacement is ``enough`` [m] or less. Returns
-    the displacements of the walls [m], shape ``(w, 2)``, or in a cell its strain, ``(1, 3)``: they
-    are to follow; and Σ m δx and Σ m δy of the grains [kg m].
+    Solves min ½ Σ m δq² + ½ Σ I δθ² with gap + n·δq ≥ −target, δq where they touch, for the pairs
+    (i, j) with a gap up to ``near`` [m] that can be moved, linearized at the present positions.
+    These and ``pieces`` are **modified**; neither discs nor walls are turned. Inverse masses of
+    walls are of shape ``(w, 3)``, 0 if held [1/kg]. Overlaps are over the smaller radius: a
+    ``target`` is left, and up to ``allowed`` a pair with a held body is left alone. Sweeps end with
+    one whose largest displacement is ``enough`` [m] or less. Returns the displacements of the walls
+    [m], shape ``(w, 2)``, or in a cell its strain, ``(1, 3)``: they are to follow; and Σ m δx and
+    Σ m δy of the grains [kg m].
     """
     is_cell = scene.height > 0.0
-    bodies = _bodies(marked, mass, wall_inverse, is_cell)
-    pair, frame = _measure(scene, pieces, bodies, i, j, near, target, allowed)
+    bodies = _bodies(marked, mass, None if pieces is None else inertia, wall_inverse, is_cell)
+    pair, frame, lever = _measure(scene, pieces, bodies, i, j, near, target, allowed)
     memory = start_loop(pair.shape[0])
-    shift = _solve(pair, frame, bodies, enough, sweeps, memory)
+    shift = _solve(pair, frame, lever, bodies, enough, sweeps, memory)
     n, pull_x, pull_y = marked.size, 0.0, 0.0
     if bodies.strains:
         carry(scene.position, shift[bodies.held + 1], 1.0, scene.position)
     for k in range(n):
         if marked[k]:
             dx, dy = shift[bodies.number[k], X], shift[bodies.number[k], Y]
-            scene.position[k, X] += dx
-            scene.position[k, Y] += dy
+            _move(scene, pieces, k, dx, dy, shift[bodies.number[k], ANGLE])
             pull_x += mass[k] * dx
             pull_y += mass[k] * dy
     if is_cell:
@@ -530,6 +613,7 @@ def push_apart(
     around: Around,
     partner: Ints,
     mass: Floats,
+    inertia: Floats,
     wall_inverse: Floats,
     near: float,
     rings: int,
@@ -549,7 +633,7 @@ def push_apart(
     largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
     if above > 0.0:
         pull_x, pull_y = push_pairs(
-            scene, pieces, i, j, around, partner, mass, TARGET, ALLOWED, marked
+            scene, pieces, i, j, around, partner, mass, inertia, TARGET, ALLOWED, marked
         )
         above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
         below = max(below, others)
@@ -564,8 +648,8 @@ def push_apart(
             marked[:] = True
         first, second = pairs_of(around, partner, marked)
         shift, dx, dy = separate(
-            scene, pieces, first, second, marked, mass, held if is_local else wall_inverse, near,
-            TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
+            scene, pieces, first, second, marked, mass, inertia, held if is_local else wall_inverse,
+            near, TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
         )  # fmt: skip
         pull_x += dx
         pull_y += dy
@@ -625,7 +709,7 @@ def correct_positions(
         mobility = (mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side)
     overlap, pull_x, pull_y, rounds = push_apart(
         scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
-        mobility, near, RINGS, marked,
+        model.grains.inertia, mobility, near, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, pieces, model, lists, marked, overlap))

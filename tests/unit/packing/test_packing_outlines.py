@@ -234,10 +234,7 @@ def test_deposits_lie_on_the_floor_without_overlap(name, kind):
     if kind == "period":
         return
     # Where it lies it stays, under gravity and friction
-    walls = [
-        *wall_line([[0.0, 1.0], [0.0, 0.0]]), *wall_line([[0.0, 0.0], [size[0], 0.0]]),
-        *wall_line([[size[0], 0.0], [size[0], 1.0]]),
-    ]  # fmt: skip
+    walls = wall_line([[0.0, 1.0], [0.0, 0.0], [size[0], 0.0], [size[0], 1.0]])
     grains = [model.outlines.pieces(k) for k in range(model.grain_count)]
     engine = shaped_engine(shaped_model(grains, walls, ("box",), friction=0.5), state.position)
     for step in range(100):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from scene_parts import FLOOR, make_engine, make_model
+from shapes import box, disc, regular, rod, shaped_engine, shaped_model
 
 from multicor_cli.engine.geometry.neighbors import both_ways
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.geometry.outlines import pieces_of, touch_pieces, turned
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry, scene_of
 from multicor_cli.engine.motion import separation
 from multicor_cli.engine.motion.separation import (
     mark_again,
@@ -107,8 +109,12 @@ def smallest_displacements(scene, i, j, mass, wall_inverse, target):
         limits.append(
             -gap - target * (min(scene.radius[a], scene.radius[b]) if b < n else scene.radius[a])
         )
-    g, h = np.array(rows), np.array(limits)
     inverse = np.concatenate([np.repeat(1.0 / mass, 2), wall_inverse.ravel()])
+    return smallest(np.array(rows), np.array(limits), inverse).reshape(n + w, 2)
+
+
+def smallest(g, h, inverse):
+    """The x with g x ≥ h that is smallest, weighed by the reciprocals of ``inverse``."""
     dual = np.zeros(len(h))
     delassus = (g * inverse) @ g.T
     for _ in range(20_000):
@@ -118,7 +124,7 @@ def smallest_displacements(scene, i, j, mass, wall_inverse, target):
     dual[pushing] = np.linalg.lstsq(delassus[np.ix_(pushing, pushing)], h[pushing], rcond=None)[0]
     assert (dual >= 0.0).all()
     assert (delassus @ dual - h > -1e-9).all()
-    return (inverse * (g.T @ dual)).reshape(n + w, 2)
+    return inverse * (g.T @ dual)
 
 
 @pytest.mark.parametrize("lid_inverse", [0.0, 0.02])
@@ -143,7 +149,19 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
     expected = smallest_displacements(scene, i[near], j[near], mass, wall_inverse, 1e-3)
     before = position[:, :2].copy()
     shift, pull_x, pull_y = separate(
-        scene, None, i, j, np.ones(12, np.bool_), mass, wall_inverse, 0.1, 1e-3, 2e-3, 1e-12, 10_000
+        scene,
+        None,
+        i,
+        j,
+        np.ones(12, np.bool_),
+        mass,
+        mass,
+        wall_inverse,
+        0.1,
+        1e-3,
+        2e-3,
+        1e-12,
+        10_000,
     )
     assert np.abs(expected).max() > 0.005
     np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
@@ -160,7 +178,7 @@ def test_held_grains_stay():
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    one_of_two = np.array([False, True]), np.ones(2), np.empty((0, 2))
+    one_of_two = np.array([False, True]), np.ones(2), np.ones(2), np.empty((0, 2))
     separate(scene, None, *pair, *one_of_two, 0.1, 0.01, 0.02, 1e-9, 100)
     np.testing.assert_allclose(scene.position[:, 0], [0.0, 0.995], atol=1e-9)
 
@@ -175,6 +193,79 @@ def test_a_pair_with_a_held_grain_keeps_an_allowed_overlap(depth, place):
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    one_of_two = np.array([False, True]), np.ones(2), np.empty((0, 2))
+    one_of_two = np.array([False, True]), np.ones(2), np.ones(2), np.empty((0, 2))
     separate(scene, None, *pair, *one_of_two, 0.1, 0.0, 0.1, 1e-9, 100)
     assert scene.position[1, 0] == pytest.approx(place, abs=1e-9)
+
+
+def points_of(model, position):
+    """Gaps of all points of a model's grains, by pair and corner [m], and the scene."""
+    scene = scene_of(model, position, np.zeros((model.wall_count, 3)))
+    pieces, n = turned(pieces_of(model), scene), model.grain_count
+    return scene, pieces, {
+        (i, j, int(point.corner)): point.gap
+        for i in range(n)
+        for j in range(i + 1, n + model.shape_count)
+        for point in touch_pieces(pieces, scene, i, i, j, j)
+        if point.gap < np.inf
+    }  # fmt: skip
+
+
+def test_grains_with_corners_turn_as_the_convex_problem_says():
+    """Discs between others, on a floor: against dense matrices of derivatives.
+
+    Not of pairs of edges: a second point that is clipped moves along both as they turn.
+    """
+    rng = np.random.default_rng(3)
+    kinds = [[(rod(0.8), 0.2)], [(box(0.9, 0.7), 0.0)], [(regular(5, 0.55), 0.0)]]
+    others = [kinds[k % 3] for k in range(16)]
+    model = shaped_model([others[k] if (k + k // 4) % 2 else disc(0.5) for k in range(16)])
+    position = np.zeros((16, 3))
+    position[:, 0], position[:, 1] = np.tile(np.arange(4.0), 4), np.repeat(np.arange(4.0) + 0.42, 4)
+    position[:, :2] *= 0.9
+    position[:, 2] = rng.uniform(0.0, 7.0, 16)
+    scene, pieces, gaps = points_of(model, position.copy())
+    near, target = 0.1, 1e-3
+    known = [point for point, gap in gaps.items() if gap <= near]
+    rows, limits = np.zeros((len(known), 48)), np.zeros(len(known))
+    for d in range(48):
+        moved = [position.copy(), position.copy()]
+        for sign in (0, 1):
+            moved[sign].flat[d] += (1e-6, -1e-6)[sign]
+        ahead, behind = (points_of(model, each)[2] for each in moved)
+        rows[:, d] = [(ahead[point] - behind[point]) / 2e-6 for point in known]
+    radius, mass, inertia = model.grains.radius, model.grains.mass, model.grains.inertia
+    for row, (i, j, _) in enumerate(known):
+        smaller = min(radius[i], radius[j]) if j < 16 else radius[i]
+        limits[row] = -gaps[known[row]] - target * smaller
+    inverse = np.column_stack([1.0 / mass, 1.0 / mass, 1.0 / inertia]).ravel()
+    expected = smallest(rows, limits, inverse).reshape(16, 3)
+    i, j = np.array([(a, b) for a in range(16) for b in range(a + 1, 17)], np.int32).T.copy()
+    separate(
+        scene, pieces, i, j, np.ones(16, np.bool_), mass, inertia, np.zeros((1, 3)), near, target,
+        target, 1e-12, 20_000,
+    )  # fmt: skip
+    assert np.abs(expected).max(axis=0).min() > 0.005
+    np.testing.assert_allclose(scene.position - position, expected, atol=1e-7)
+    again = turned(pieces_of(model), scene)
+    np.testing.assert_allclose(pieces.corner, again.corner, atol=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 20])
+def test_a_box_turns_out_of_where_it_is_wedged(count):
+    """Between planes hardly farther apart than it is high: moving it does not help.
+
+    Alone it is moved with everything that there is; beside others, all of which fit, it is pushed.
+    """
+    planes = [
+        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
+        (ShapeKind.PLANE, 1, (0.0, 0.501, 0.0, -1.0)),
+    ]
+    model = shaped_model([[(box(1.0, 0.5), 0.0)]] * count, planes, ("floor", "lid"), gravity=(0, 0))
+    places = np.column_stack([1.2 * np.arange(count), np.full(count, 0.2505), np.zeros(count)])
+    places[0, 2] = 0.01
+    engine = shaped_engine(model, places)
+    report = engine.step(1e-3, 0.0)
+    assert report.overlap <= separation.ALLOWED
+    assert abs(engine.state.position[0, 2]) < 0.003
+    np.testing.assert_array_equal(engine.state.position[1:], places[1:])
