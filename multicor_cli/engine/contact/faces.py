@@ -39,6 +39,7 @@ from multicor_cli.engine.contact.face_sweep import (
     Q,
 )
 from multicor_cli.engine.contact.law import GRAZE, bias
+from multicor_cli.engine.contact.ordering import make_batches
 from multicor_cli.engine.contact.vector_step import (
     FRICTION,
     IMPACT,
@@ -397,6 +398,31 @@ def pack_points(
 
 
 @kernel
+def batch_points(
+    contacts: Contacts, order: Ints, bodies: Ints, tile_start: NDArray[np.int64], rows: int
+) -> tuple[Ints, NDArray[np.int64]]:
+    """As `make_batches`, of those records ``order`` that have a point; slots hold records.
+
+    ``bodies`` are rows of the bodies of ``order``, of which there are ``rows``.
+    """
+    record, start = np.empty(order.size, np.int32), np.zeros(tile_start.size, np.int64)
+    pair, found = np.empty((order.size, 2), np.int32), 0
+    for t in range(tile_start.size - 1):
+        for k in range(tile_start[t], tile_start[t + 1]):
+            if contacts[order[k]].gap < inf:
+                record[found] = order[k]
+                pair[found, FIRST], pair[found, SECOND] = bodies[k, FIRST], bodies[k, SECOND]
+                found += 1
+        start[t + 1] = found
+    slot, batch_start = make_batches(pair[:found], start, rows)
+    for q in range(slot.shape[0]):
+        for lane in range(LANES):
+            if slot[q, lane] >= 0:
+                slot[q, lane] = record[slot[q, lane]]
+    return slot, batch_start
+
+
+@kernel
 def pack_batches(
     scene: Scene, contacts: Contacts, belt: Floats, place: Ints, slot: Ints, rest: Ints,
     tile_start: NDArray[np.int64], inverse: Floats, block_pair: Ints, block: Floats,
@@ -423,12 +449,11 @@ def pack_batches(
             if c >= 0:
                 pack_row(g, c, scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
                 first, second = pair[g, FIRST], pair[g, SECOND]
-                is_there = contacts[c].gap < inf
-                if is_there and frame[g, MU] * abs(frame[g, W_NT]) >= STEEP * frame[g, W_NN]:
+                if frame[g, MU] * abs(frame[g, W_NT]) >= STEEP * frame[g, W_NN]:
                     alone[found] = c
                     found += 1
-                    is_there = False
-                record[g] = c if is_there else -1
+                else:
+                    record[g] = c
             if record[g] < 0:
                 pair[g, FIRST], pair[g, SECOND] = first, second
                 frame[g], lever[g], impulse[g] = 0.0, 0.0, 0.0

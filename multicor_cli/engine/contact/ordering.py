@@ -362,8 +362,10 @@ class Schedule(NamedTuple):
         before: u_n⁻, u_t⁻ [m/s], shape ``(q, 2, 4)``.
         gap: Gaps at q_m [m], shape ``(q, 4)``.
         branch: Branch vectors at q_m in a cell [m], shape ``(q, 2, 4)``; else no batches.
-        face_slot: Faces in batches of their own (`face_sweep`), shape ``(f, 4)``.
-        face_start: First of these batches of each tile, shape ``(tiles + 1,)``.
+        face_order: Faces in the order of their sweep, shape ``(f,)``: a step makes batches of those
+            that have a point (`faces.batch_points`).
+        face_pair: Rows of their bodies, shape ``(f, 2)``.
+        face_start: First of them of each tile, shape ``(tiles + 1,)``.
         face_rest: Faces with walls that have a free degree of freedom.
     """
 
@@ -385,7 +387,8 @@ class Schedule(NamedTuple):
     before: Floats
     gap: Floats
     branch: Floats
-    face_slot: Ints
+    face_order: Ints
+    face_pair: Ints
     face_start: NDArray[np.int64]
     face_rest: Ints
 
@@ -429,7 +432,7 @@ def schedule_contacts(
     of_contact = assign_tiles(i, classes, tile, color_start, columns)
     tiles, grains = int(color_start[-1]) + 1, scene.radius.size
     order, general, start = order_contacts(of_contact, tiles)
-    of_faces, rest = _NONE, _NONE
+    of_faces, face_start, rest = _NONE, np.zeros(1, np.int64), _NONE
     if is_face is not None:
         general = general[~is_face[general]]
         stands, with_walls = np.ones(i.size, np.bool_), j >= grains
@@ -443,12 +446,6 @@ def schedule_contacts(
         i, j, np.concatenate([order, of_faces]), general, grains, wall_is_free.size
     )
     slot, tile_start = make_batches(bodies[: order.size], start, count)
-    face_slot, faces_start = np.empty((0, LANES), np.int32), np.zeros(1, np.int64)
-    if of_faces.size:
-        face_slot, faces_start = make_batches(
-            np.ascontiguousarray(bodies[order.size :]), face_start, count
-        )
-        face_slot = np.where(face_slot >= 0, of_faces[face_slot], -1).astype(np.int32)
     pair = aligned((slot.shape[0], 2, LANES), np.int32)
     fill_lanes(order, bodies, count, tile_start, slot, pair)
     batches, rows = slot.shape[0], count + 2 * (tile_start.size - 1)
@@ -472,7 +469,7 @@ def schedule_contacts(
     return Schedule(
         slot, pair, tile_start, color_start, general, walls, np.concatenate([walls, general]), lane,
         place, velocity, start_velocity, middle, frame, impulse, about, before, gap, branch,
-        face_slot, faces_start, rest,
+        of_faces, bodies[order.size :].copy(), face_start, rest,
     )  # fmt: skip
 
 

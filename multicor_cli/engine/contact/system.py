@@ -18,6 +18,7 @@ from multicor_cli.engine.contact.contacts import (
 )
 from multicor_cli.engine.contact.face_sweep import FaceBatches
 from multicor_cli.engine.contact.faces import (
+    batch_points,
     blocks_for,
     pack_batches,
     pack_points,
@@ -389,11 +390,14 @@ def _add_faces(
     others: _General,
 ) -> tuple[Ints, FaceBatches, _General]:  # fmt: skip
     """Contacts of grains that are no discs, and them behind the ``others`` of `pack_general`."""
-    slot, place = schedule.face_slot, schedule.place
+    place = schedule.place
+    slot, start = batch_points(
+        contacts, schedule.face_order, schedule.face_pair, schedule.face_start,
+        len(schedule.velocity),
+    )  # fmt: skip
     block_pair, block = blocks_for(slot.shape[0])
     alone, pair, frame, lever, impulse, record = pack_batches(
-        scene, contacts, belt, place, slot, schedule.face_rest, schedule.face_start, inverse,
-        block_pair, block,
+        scene, contacts, belt, place, slot, schedule.face_rest, start, inverse, block_pair, block,
     )  # fmt: skip
     of_points = pack_points(scene, contacts, belt, place, alone, inverse)
     first = schedule.general.size + alone.size
@@ -406,7 +410,7 @@ def _add_faces(
     points, branch = np.concatenate([alone, record]), NO_CELL.branch
     if scene.height > 0.0:
         branch = _blocks(_branches(contacts, record))
-    faces = FaceBatches(block_pair, block, branch, schedule.face_start, first)
+    faces = FaceBatches(block_pair, block, branch, start, first)
     return points, faces, rows
 
 
@@ -444,7 +448,7 @@ def assemble(
     general, slot = schedule.general, schedule.slot
     others = pack_general(scene, contacts, belt, place, general, inverse)
     points, faces = _NO_POINTS, None
-    if schedule.face_slot.size or schedule.face_rest.size:
+    if schedule.face_order.size or schedule.face_rest.size:
         points, faces, others = _add_faces(scene, contacts, schedule, belt, inverse, others)
     cell = NO_CELL
     if scene.height > 0.0:

@@ -28,6 +28,7 @@ from multicor_cli.engine.geometry.outlines import (
     Pieces,
     Point,
     are_faces,
+    circle_gap,
     nearest_point,
     pieces_met,
     place_walls,
@@ -53,6 +54,10 @@ from multicor_cli.model.model import Floats, Ints, Model
 @subroutine
 def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> float:
     """Overlap of a pair over its smaller radius; negative where they are apart."""
+    if pieces is not None:
+        apart = circle_gap(scene, i, j)
+        if apart >= 0.0:  # a look at their outlines takes ten times as long
+            return -apart / smaller_of(scene, i, j)
     return -true_gap(scene, pieces, i, j)[0] / smaller_of(scene, i, j)
 
 
