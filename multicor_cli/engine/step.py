@@ -34,7 +34,12 @@ from multicor_cli.engine.contact.contacts import (
     vary_friction,
     warm_rows,
 )
-from multicor_cli.engine.contact.faces import account_faces, begin_faces, closed_beyond
+from multicor_cli.engine.contact.faces import (
+    account_faces,
+    begin_faces,
+    closed_beyond,
+    stop_rebounds,
+)
 from multicor_cli.engine.contact.flight import (
     SOLVED,
     Flight,
@@ -441,7 +446,8 @@ class Engine:
         layout.selection = Selection(layout.model, layout.pairs, layout.pieces)
         try:
             layout.selection.seek(step.scene, step.pieces, self._margin(step))
-            yield step.scene, self._gather(step, self._least_gap())[0]
+            stopped = np.zeros(layout.model.grain_count, np.bool_)
+            yield step.scene, self._gather(step, self._least_gap(), stopped)[0]
         finally:
             layout.selection = kept
 
@@ -511,8 +517,10 @@ class Engine:
         self._select(step)
         self._clock("detect")
         margin, is_missing, least = 0.0, True, self._least_gap()
+        stopped = np.zeros(layout.model.grain_count, np.bool_)
+        bounces = float(self._laws.restitution.max(initial=0.0)) > 0.0
         while is_missing:
-            contacts, scale, is_solved, lacking, beyond = self._gather(step, least)
+            contacts, scale, is_solved, lacking, beyond = self._gather(step, least, stopped)
             if lacking > 0.0:
                 selection.seek(step.scene, step.pieces, max(self._margin(step), lacking))
                 continue
@@ -525,6 +533,12 @@ class Engine:
                 )
             self._clock("solve")
             after = ordered.collect(contacts)
+            if step.pieces is not None and bounces and stop_rebounds(
+                step.scene, step.pieces, layout.before, layout.free, after,
+                layout.model.grains.mass, selection.faces, contacts, stopped,
+            ):  # fmt: skip
+                contacts["p_n"], contacts["p_t"], selection.lanes.impulse[:] = 0.0, 0.0, 0.0
+                continue
             cutoff = self._cutoff_after(step, after)
             self._list_up_to(cutoff, step)
             is_missing, fastest = selection.closing(
@@ -885,12 +899,12 @@ class Engine:
             layout.pairs.update(step.scene, gap)
 
     def _gather(
-        self, step: Prediction, least: float
+        self, step: Prediction, least: float, stopped: NDArray[np.bool_]
     ) -> tuple[Contacts, ResidualScale, bool, float, Floats]:
         """The contacts, warm-started, the scale of the residuals, and if any is to be solved.
 
-        Last what `begin_faces` returns, with ``least``: up to where room was lacking, and how far
-        points are that do not count.
+        Last what `begin_faces` returns, with ``least`` and ``stopped``: up to where room was
+        lacking, and how far points are that do not count.
         """
         layout, state, laws, dt = self._layout, self._layout.state, self._laws, step.dt
         selection, scene, start = layout.selection, step.scene, layout.before
@@ -911,7 +925,7 @@ class Engine:
             assert step.pieces is not None
             faces, lacking, beyond = begin_faces(
                 scene, step.pieces, laws, start, layout.free, dt, ratio, least, LASTS * dt,
-                selection.faces, selection.faces.most, contacts,
+                selection.faces, selection.faces.most, stopped, contacts,
             )  # fmt: skip
         opening = None
         if step.growth.size:

@@ -436,6 +436,28 @@ def test_a_disc_laid_on_itself_rolls_as_one():
     assert state.velocity[0] == pytest.approx([speed, 0.0, -speed / 0.5], abs=1e-6)
 
 
+def test_a_rebound_that_friction_wedges_makes_no_energy():
+    """A dumbbell is hit in its notch by an arm of a cross: three points that nearly lock the pair.
+
+    Newton's law would hurl them apart at 300 m/s, with a thousand times the energy that they had.
+    """
+    dumbbell = [([[-0.2279, -0.039]], 0.2433), ([[0.3561, 0.061]], 0.1946)]
+    cross = [(box(0.591, 0.1478), 0.0), (box(0.1478, 0.591), 0.0185)]
+    grains = [[(np.array(corners), r) for corners, r in grain] for grain in (dumbbell, cross)]
+    model = shaped_model(grains, (), (), friction=0.8, restitution=0.4, gravity=(0.0, 0.0))
+    places = [[0.0, 0.0, 2.63324], [-0.295937, -0.273013, 5.577121]]
+    velocities = [[-4.047068, -5.949962, -9.042028], [0.0, 0.0, 9.100632]]
+    engine = shaped_engine(model, places, velocities, settings=SHARP)
+    mass, inertia = model.grains.mass, model.grains.inertia
+    weight = np.column_stack([mass, mass, inertia])
+    before = (0.5 * weight * engine.state.velocity**2).sum()
+    engine.step(2e-3, 0.0)
+    assert engine.contacts().i.size == 3
+    assert 0.5 * before < (0.5 * weight * engine.state.velocity**2).sum() < before
+    momentum = mass @ engine.state.velocity[:, :2]
+    assert momentum == pytest.approx(mass @ np.array(velocities)[:, :2], rel=1e-12)
+
+
 # ---- Discs stay what they are
 
 

@@ -183,7 +183,7 @@ def _piece_with(pieces: Pieces, body: int, corner: int) -> int:
 @subroutine
 def _enter_point(
     c: int, point: Point, key: int, scene: Scene, pieces: Pieces, laws: ContactLaws,
-    start: Floats, dt: float, contacts: Contacts,
+    start: Floats, dt: float, stopped: NDArray[np.bool_], contacts: Contacts,
 ) -> None:  # fmt: skip
     """Fill the record of a point but for its impulses."""
     contact = contacts[c]
@@ -202,20 +202,25 @@ def _enter_point(
         contact.lever_y += point.gap * ny - point.i_y
     u_n, u_t = contact_after(c, scene, contacts, start)
     contact.u_n, contact.u_t = u_n, u_t
-    contact.bias = bias(point.gap, u_n, laws.restitution[scene.material[i], scene.material[j]], dt)
+    restitution = laws.restitution[scene.material[i], scene.material[j]]
+    if stopped[i] and (j >= count or stopped[j]):
+        restitution = 0.0
+    contact.bias = bias(point.gap, u_n, restitution, dt)
     contact.mu = friction_between(scene, laws, i, j, abs(u_t))
 
 
 @kernel
 def begin_faces(
     scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, free: Floats, dt: float,
-    ratio: float, least: float, ahead: float, faces: FacePairs, most: int, contacts: Contacts,
+    ratio: float, least: float, ahead: float, faces: FacePairs, most: int,
+    stopped: NDArray[np.bool_], contacts: Contacts,
 ) -> tuple[Speeds, float, Floats]:  # fmt: skip
     """Find the points of pairs that may close, with impulses of those known before.
 
     Arguments as `begin_walls`; ``most`` is the largest room of a pair. Points count up to a gap of
     ``least`` [m], and up to what the pair closes within the time ``ahead`` [s] with its velocities
     ``start`` or ``free``. A point that is new takes the impulse of one of its pair that is no more.
+    Points of grains that are ``stopped``, shape ``(n,)``, do not rebound (`stop_rebounds`).
     **Modifies** ``contacts``. Also returns the gap up to which there should have been room [m], 0
     if there was room for all, and the smallest gap of each pair that did not count, shape ``(f,)``.
     """
@@ -246,7 +251,16 @@ def begin_faces(
                     elif point.gap <= far:
                         key = point_key(pieces, scene, i, a, j, b, point.corner)
                         _enter_point(
-                            base + found, point, key, scene, pieces, laws, start, dt, contacts
+                            base + found,
+                            point,
+                            key,
+                            scene,
+                            pieces,
+                            laws,
+                            start,
+                            dt,
+                            stopped,
+                            contacts,
                         )
                         found += 1
                     else:
@@ -266,6 +280,43 @@ def begin_faces(
             motion += sqrt(u_n * u_n + u_t * u_t)
             met += 1.0
     return Speeds(squares, closing, slip, loaded, motion, met), lacking, beyond
+
+
+@kernel
+def stop_rebounds(
+    scene: Scene, pieces: Pieces, start: Floats, free: Floats, after: Floats, mass: Floats,
+    faces: FacePairs, contacts: Contacts, stopped: NDArray[np.bool_],
+) -> bool:  # fmt: skip
+    """Mark the grains of pairs whose points made more energy than any pair has that meets.
+
+    Newton's law makes energy where friction wedges what rebounds (theory §3.4), without bounds
+    where it nearly locks. Solved with ``start`` velocities v⁻ to v⁺ ``after``; ``mass`` are those
+    of the grains [kg]. Returns whether there are such grains among those that were not marked in
+    ``stopped``, **modified**, shape ``(n,)``.
+    """
+    count, most = scene.radius.size, 0.0
+    made = np.zeros(faces.first.size)
+    for f in range(faces.first.size):
+        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        reduced = mass[i] * mass[j] / (mass[i] + mass[j]) if j < count else mass[i]
+        fastest = max(
+            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
+        )
+        most = max(most, 0.5 * reduced * fastest * fastest)
+        for c in range(faces.first[f], faces.first[f] + faces.room[f]):
+            contact = contacts[c]
+            if contact.gap < inf and contact.p_n > 0.0:
+                u_n, u_t = contact_after(c, scene, contacts, after)
+                made[f] += 0.5 * contact.p_n * (contact.u_n + u_n)
+                made[f] += 0.5 * contact.p_t * (contact.u_t + u_t)
+    is_new = False
+    for f in range(faces.first.size):
+        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        if made[f] > most and not (stopped[i] and (j >= count or stopped[j])):
+            is_new = stopped[i] = True
+            if j < count:
+                stopped[j] = True
+    return is_new
 
 
 @kernel
