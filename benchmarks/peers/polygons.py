@@ -217,7 +217,10 @@ def describe_pour(bodies: Bodies, seen: Seen) -> Pour:
 
 
 def slope_errors(run: Run) -> tuple[float, float]:
-    """Error of the acceleration of what slides, over its own; way of what rests [m]."""
+    """Error of the acceleration of what slides, over its own; way of what rests [m].
+
+    Both after the first frame, in which the block settles.
+    """
     slides, rests = block_on_slope(1.0 + _NEAR_SLOPE), block_on_slope(1.0 - _NEAR_SLOPE)
     seen = run(slides, 0.25 * _SLIDES, 4)
     gained = float(seen.velocity[-1, 0, 0] - seen.velocity[1, 0, 0]) / (0.5 * _SLIDES)
