@@ -164,14 +164,19 @@ def _round(flow: Flow, steps: int) -> list[float]:
     engine = flow.engine
     before, seconds, sweeps = dict(engine.timers), *flow.advance(steps)
     spent = {name: (engine.timers[name] - before[name]) / steps for name in BEFORE_SOLVE}
+    near = engine.state.near_i.size
+    return [
+        circles_near(engine) / flow.grains, near / flow.grains, sweeps / steps,
+        sum(spent.values()) / near, spent["detect"] / near, seconds / (steps * flow.grains),
+    ]  # fmt: skip
+
+
+def circles_near(engine: Engine) -> int:
+    """How many pairs a list holds that is made where the grains are."""
     model, state = engine.model, engine.state
     listed = NeighborList(model)
     listed.update(scene_of(model, state.position, state.wall_position), 0.0)
-    near = state.near_i.size
-    return [
-        listed.partner.size / flow.grains, near / flow.grains, sweeps / steps,
-        sum(spent.values()) / near, spent["detect"] / near, seconds / (steps * flow.grains),
-    ]  # fmt: skip
+    return int(listed.partner.size)
 
 
 def _memory(names: list[str], count: int) -> list[str]:

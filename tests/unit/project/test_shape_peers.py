@@ -1,11 +1,14 @@
-"""The benchmark of polygons beside other codes: its measures, and short runs where these are."""
+"""The benchmarks of polygons, beside other codes and beside discs: their measures, and short runs
+where the codes are."""
 
 import os
 import sys
+from runpy import run_path
 
 import numpy as np
 import pytest
 from benchmark_modules import benchmark_modules
+from places import ROOT
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 DIAGONAL = 0.5**0.5
@@ -114,3 +117,18 @@ def test_a_block_slides_in_other_codes(peers, name, tmp_path):
     slides, slips = peers.polygons.slope_errors(run)
     assert slides < 1e-3
     assert slips < 1e-3
+
+
+def test_grains_beside_discs_have_their_area_and_near_pairs_are_counted():
+    beside_discs = run_path(str(ROOT / "benchmarks" / "shapes" / "__main__.py"))
+    discs, rods = (beside_discs["Flow"](shape, 90, 0.2, 2) for shape in ("disc", "rod 5"))
+    model, state = rods.engine.model, rods.engine.state
+    assert model.area.sum() == pytest.approx(discs.engine.model.area.sum(), rel=1e-9)
+    width, height, tilt = state.wall_position[0]
+    images = [(a * width + b * tilt, b * height) for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    place, radius, near = state.position[:, :2], model.grains.radius, 0
+    for i in range(90):
+        for j in range(i):
+            away = min(np.hypot(*(place[i] - place[j] + image)) for image in images)
+            near += away - radius[i] - radius[j] < 0.3 * model.mean_diameter
+    assert beside_discs["circles_near"](rods.engine) == near
