@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-CASES = ("shear", "bed", "heat", "problems")
+CASES = ("shear", "bed", "heat", "problems", "shapes")
 
 
 def main() -> int:
@@ -45,19 +45,24 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python benchmarks/peers",
         description=(
-            "The same cases with this program, with codes of soft grains, and contact problems "
-            "with Siconos."
+            "The same cases with this program, with codes of soft grains, contact problems with "
+            "Siconos, and polygons with Box2D and LMGC90."
         ),
     )
     add = parser.add_argument
     add("cases", nargs="+", choices=CASES, metavar="CASE", help=", ".join(CASES))
     add(
         "--peers",
-        default="liggghts,lammps,yade,siconos",
+        default="liggghts,lammps,yade,siconos,box2d,lmgc90",
         metavar="NAMES",
         help="which codes, if installed [%(default)s]",
     )
-    add("--grains", type=int, metavar="N", help="number of grains [shear: 1680; bed, heat: 10000]")
+    add(
+        "--grains",
+        type=int,
+        metavar="N",
+        help="number of grains [shear: 1680; bed, heat: 10000; shapes: 1000]",
+    )
     add(
         "--kappa",
         type=float,
@@ -144,6 +149,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PYTHON",
         default="/usr/bin/python3",
         help="interpreter that has Siconos [%(default)s]",
+    )
+    add(
+        "--python",
+        metavar="PYTHON",
+        default=sys.executable,
+        help="interpreter that has pyb2d3 and compas_lmgc90 [this one]",
     )
     add("--quick", action="store_true", help="smaller and shorter: does everything work?")
     add("--json", type=Path, metavar="FILE", help="write the results as JSON too")

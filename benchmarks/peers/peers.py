@@ -84,7 +84,7 @@ class GranPeer:
 def find_peers(
     names: Sequence[str], lammps: str | None, cores: int, substeps: float
 ) -> tuple[list[GranPeer], list[tuple[str, str]]]:
-    """The codes that are installed, and names and packages of those that are not.
+    """The codes that are installed, and of those that are not their names and what installs them.
 
     Args:
         names: Codes that are wanted.
@@ -97,7 +97,7 @@ def find_peers(
         if dialect.name in names:
             program = find_dialect(dialect, lammps if dialect.name == "lammps" else None)
             if program is None:
-                missing.append((dialect.name, dialect.package))
+                missing.append((dialect.name, f"apt install {dialect.package}"))
             else:
                 there.append(GranPeer(dialect, program, cores, substeps))
     return there, missing

@@ -10,10 +10,12 @@ from typing import Any
 
 from case import FlowPlan
 from peers import SoftPeer, find_peers, find_siconos, find_yade, siconos_version
+from shape_peers import PACKAGES, find_shape_peer
 
 _BETWEEN = 0.02  # strain between two frames
 _LARGEST_COLLAPSE = 10_000  # grains
 _LIMIT = 20.0  # time that a solver gets for one contact problem [s]
+_COURSES = 8  # of the masonry
 
 
 class Session:
@@ -33,19 +35,26 @@ class Session:
         )
         self._yade = find_yade(options.cores, options.substeps) if "yade" in self._names else None
         if "yade" in self._names and self._yade is None:
-            self._missing.append(("yade", "yade"))
+            self._missing.append(("yade", "apt install yade"))
         self._siconos = find_siconos(options.siconos) if "siconos" in self._names else None
         if "siconos" in self._names and self._siconos is None:
-            self._missing.append(("siconos", "python3-siconos"))
+            self._missing.append(("siconos", "apt install python3-siconos"))
+        self._shape_peers = []
+        for name in [name for name in PACKAGES if name in self._names]:
+            peer = find_shape_peer(name, options.python)
+            if peer is None:
+                self._missing.append((name, f"pip install --no-deps {PACKAGES[name]}"))
+            else:
+                self._shape_peers.append(peer)
 
     def about(self) -> list[str]:
         """What the machine is and which codes take part."""
         there = [f"{peer.name}: {peer.version()}" for peer in self._soft_peers()]
         if self._siconos is not None:
             there.append(f"siconos: {siconos_version(self._siconos)}")
+        there += [f"{peer.name}: {peer.version()}" for peer in self._shape_peers]
         missing = [
-            f"{name} is not installed (apt install {package}) and is left out"
-            for name, package in self._missing
+            f"{name} is not installed ({how}) and is left out" for name, how in self._missing
         ]
         return [
             f"{platform.machine()}, {platform.platform()}, {self._options.cores} core(s)",
@@ -60,6 +69,7 @@ class Session:
             "bed": self._bed,
             "heat": self._heat,
             "problems": self._problems,
+            "shapes": self._shapes,
         }[case]()
 
     def _say(self, text: str) -> None:
@@ -137,6 +147,20 @@ class Session:
             self._say,
         )
         return as_text(races), as_json(races)
+
+    def _shapes(self) -> tuple[str, dict[str, Any]]:
+        from shapes import as_json, as_text, compare_shapes
+
+        o = self._options
+        found = compare_shapes(
+            o.grains or (40 if o.quick else 1_000),
+            2 if o.quick else _COURSES,
+            1 if o.quick else o.rounds,
+            self._shape_peers,
+            self._folder,
+            self._say,
+        )
+        return as_text(found), as_json(found)
 
 
 def _plan(settle: float, strain: float) -> FlowPlan:
