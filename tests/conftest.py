@@ -1,5 +1,6 @@
 """Runs that tests look at, and the order of the tests."""
 
+import gc
 import os
 import shlex
 import shutil
@@ -17,12 +18,13 @@ from shaped_run import write_shaped_run
 import multicor_cli as multicor
 
 PLACES = {
-    "digests": -3, "unit/project/test_types.py": -2, "unit/scenario": -1, "unit/plots": -1,
-    "unit/report": -1, "unit": 1, "verification": 2,
+    "digests": -3, "unit/project/test_types.py": -2, "unit/project/test_solver_comparison.py": 1,
+    "unit/project/test_uniqueness.py": 1, "unit/project": -1, "browser": -1, "unit/scenario": -1,
+    "unit/plots": -1, "unit/report": -1, "unit": 1, "verification": 2,
 }  # fmt: skip
-"""Folders that come before others, or after: one process compiles the kernels with the first, for
-all, while another does without kernels what comes next. Folders of many short tests are last, so
-that no process is left with a long one at the end."""
+"""Folders and files that come before others, or after: one process compiles the kernels with the
+first, for all, while another does without kernels what comes next. Folders of many short tests are
+last, so that no process is left with a long one at the end."""
 
 MEMORY = Path("/dev/shm")
 """Where files of tests lie if there is room, and programs may be: they outlive no power cut, and
@@ -44,6 +46,13 @@ def _place(item):
 
 def pytest_collection_modifyitems(items):
     items.sort(key=_place)
+
+
+def pytest_collection_finish():
+    """Garbage is seldom looked for: that took a twelfth of the time in which figures are drawn or
+    kernels compiled, among thousands of tests and what was loaded for them."""
+    gc.freeze()
+    gc.set_threshold(50_000)
 
 
 @pytest.fixture(scope="session")
