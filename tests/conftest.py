@@ -37,6 +37,10 @@ if (
 ):
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 
+# Processes of tests share the cores: threads that wait leave theirs to the others. Where all cores
+# were busy, a run on two threads took eight times as long, most of it in waiting for each other.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 
 def _place(item):
     path = item.path.relative_to(Path(__file__).parent)
