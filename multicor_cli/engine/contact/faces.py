@@ -122,6 +122,10 @@ OPEN = 1e300
 """Bias of rows without a point: none ever closes [m/s]."""
 
 _NONE = np.empty(0, np.int32)
+STRUCK = 1.5
+"""Speed over the rms of all pairs up to which one that is struck may close: of 10⁴ grains in a flow,
+some close more than they do by themselves in every other step, and all are solved once more then."""
+
 LOOK = 1e-3
 """Gap over the smaller size below which, as velocities tell, a pair may overlap after a step."""
 
@@ -218,22 +222,27 @@ def begin_faces(
     """Find the points of pairs that may close, with impulses of those known before.
 
     Arguments as `begin_walls`; ``most`` is the largest room of a pair. Points count up to a gap of
-    ``least`` [m], and up to what the pair closes within the time ``ahead`` [s] with its velocities
-    ``start`` or ``free``. A point that is new takes the impulse of one of its pair that is no more.
+    ``least`` [m], up to what the pair closes within the time ``ahead`` [s] with its velocities
+    ``start`` or ``free``, and up to what it may close once it is struck. A point that is new takes the impulse of one of its pair that is no more.
     Points of grains that are ``stopped``, shape ``(n,)``, do not rebound (`stop_rebounds`).
     **Modifies** ``contacts``. Also returns the gap up to which there should have been room [m], 0
     if there was room for all, and the smallest gap of each pair that did not count, shape ``(f,)``.
     """
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    lacking, beyond = 0.0, np.full(faces.first.size, inf)
+    lacking, beyond, speed = 0.0, np.full(faces.first.size, inf), np.empty(faces.first.size)
+    rms = 0.0
+    for f in range(faces.first.size):
+        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        speed[f] = max(
+            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
+        )
+        rms += speed[f] * speed[f] / faces.first.size
+    least = max(least, STRUCK * dt * sqrt(rms))
     for f in range(faces.first.size):
         base, room = faces.first[f], faces.room[f]
         i, j = contacts[base].i, contacts[base].j
-        fastest = max(
-            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
-        )
-        far = max(least, ahead * fastest)
+        far = max(least, ahead * speed[f])
         for k in range(room):
             contact = contacts[base + k]
             known_key[k], known[k, NORMAL], known[k, TANGENTIAL] = (
