@@ -75,9 +75,10 @@ def spots_of(points: LoadedContacts, model: Model, frame: Frame, pair: NDArray[n
     curvature = np.maximum(mine + theirs, np.where(theirs < 0.0, mine / _LARGEST_CUP, -np.inf))
     radius = 1.0 / np.where(curvature > 0.0, curvature, np.nan)
     spots = Spots(place, first, np.zeros(first.size), np.zeros(first.size))
+    weighted = spots.total(np.where(force > 0.0, force * radius, 0.0))
     total = spots.total(force)
     return spots._replace(
-        radius=spots.total(force * radius) / np.where(total > 0.0, total, np.nan),
+        radius=weighted / np.where(total > 0.0, total, np.nan),
         area=_areas(points, spots, force, is_side, model),
     )
 

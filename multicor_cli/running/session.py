@@ -271,7 +271,7 @@ class Session:
             self.observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))
             if self._compiles:
                 self.observer.message(
-                    "compiling the kernels; this happens once and takes up to half a minute"
+                    "compiling the kernels; this happens once and takes about half a minute"
                 )
             self.stop_signals.on_exit = functools.partial(
                 self._leave, directory=directory, state=state

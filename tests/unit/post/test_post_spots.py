@@ -117,6 +117,20 @@ def test_many_sides_are_a_curve(turn):
     assert table.mean["radius"] == pytest.approx(hertz(1.0, 4.0), rel=1e-6)
 
 
+def test_frames_without_contacts_have_no_spots():
+    arm = (0.0, -sqrt(0.5) - 0.2)
+    source = sliding([[box(1.0, 1.0, 0.2)]], [(0, 1, arm, DOWN, 1.0)], angle=pi / 4.0)
+    source.frames.append(shaped_frame(
+        np.zeros((1, 2)), walls=1, contacts=points_of([], [], np.zeros((0, 2)), np.zeros((0, 2)),
+        np.zeros((0, 2))), temperature=np.full(1, 300.0), wall_temperature=np.array([np.nan]),
+    ))  # fmt: skip
+    source.frames.time = np.arange(2.0)
+    source.frames.stage = np.zeros(2, np.int32)
+    table = post.hot_spots(source, ALL)
+    assert np.isnan(table.values["rise_max"]).tolist() == [False, True]
+    assert table.mean["radius"] == pytest.approx(hertz(0.2, 1.0))
+
+
 def test_discs_among_them_are_spheres():
     grains = [[box(1.0, 0.5)], [disc(0.3)]]
     source = sliding(grains, [(0, 1, (0.0, 0.25), (0.0, -1.0), 2.0)])
