@@ -135,6 +135,8 @@ def subroutine(function: F) -> F:
     compiled: Any = numba.njit(cache=True, error_model="numpy", **_NO_C, **_WITHOUT_COUNTING)(
         function
     )
+    if not IS_COMPILING:
+        return compiled  # type: ignore[no-any-return]
     find = compiled.get_call_template
 
     def of_one_kind(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
