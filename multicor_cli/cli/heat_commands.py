@@ -179,7 +179,7 @@ def hot_spots(
 
     A spot is hotter than the mean of its two bodies by the flash of friction, in its hottest point:
     that of a circular source of heat on two half-spaces (Tian & Kennedy 1994), with the spot of
-    smooth elastic spheres.
+    smooth elastic spheres, or as large as the area on which a side is pressed.
     """
     from multicor_cli import post
 
@@ -188,4 +188,6 @@ def hot_spots(
         table = post.hot_spots(run, selection, limit)
     about = f"{table.contacts} sliding contacts in {_span(table.frames.size, 'frame', table.times)}"
     about += f", limit {table.limit:g} K" if math.isfinite(table.limit) else ""
+    if table.sharp:
+        about += f"; {table.sharp} more slide on sharp corners, which have no radius"
     return Shown(table, about, directory)

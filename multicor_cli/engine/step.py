@@ -979,7 +979,7 @@ class Engine:
         layout, motion = self._layout, self._motion
         return assemble(
             scene, contacts, layout.selection.lanes, motion.belt, motion.inverse,
-            layout.model.shape_factor, self._has_couples,
+            layout.model.shape_factor, self._has_couples, layout.pieces is not None,
         )  # fmt: skip
 
     def _tabulate(self) -> None:

@@ -2,7 +2,8 @@
 
 GSD stores coordinates in single precision, in a box around the origin. What it has no name for is
 logged per particle and per bond, as OVITO expects it (``log/particles/temperature``). Grains that
-are no discs have a type for each outline: the format knows shapes of types, which are not scaled.
+are no discs have a type for each outline, and where sizes change each of them has its own: the
+format knows shapes of types, which are not scaled.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def export_gsd(
         _library_errors(path),
         hoomd.open(str(temporary), "w") as file,
     ):
-        box, types = _Box.around(run.model, chosen), _Types.of(run.model)
+        box, types = _Box.around(run.model, chosen), _Types.of(run.model, chosen)
         for number, frame in enumerate(chosen):
             target = hoomd.Frame()
             target.configuration.step = frame.step
@@ -134,20 +135,29 @@ class _Types:
     shapes: list[dict[str, Any]] | None = None
 
     @classmethod
-    def of(cls, model: Model) -> _Types:
-        """The groups, or a type for each different outline in a group."""
+    def of(cls, model: Model, frames: Sequence[Frame]) -> _Types:
+        """The groups, or a type for each different outline in a group: for each where they grow."""
         if model.outlines is None:
             return cls(list(model.groups), model.grains.group)
         names, shapes, number = list[str](), list[dict[str, Any]](), list[int]()
-        known: dict[tuple[int, str], int] = {}
+        known: dict[tuple[int, str, int], int] = {}
+        grows = any(frame.radius is not None for frame in frames)
         for group, shape in zip(model.grains.group.tolist(), _shapes(model.outlines), strict=True):
-            key = (group, json.dumps(shape))
+            key = (group, json.dumps(shape), len(number) if grows else -1)
             if key not in known:
                 known[key] = len(names)
                 names.append(f"{model.groups[group]} {len(names)}")
                 shapes.append(shape)
             number.append(known[key])
         return cls(names, np.array(number, np.uint32), shapes)
+
+    def shapes_in(self, frame: Frame) -> list[dict[str, Any]] | None:
+        """The shapes as large as those of the grains that are there in a frame."""
+        outlines = frame.model.outlines
+        if self.shapes is None or outlines is None or frame.radius is None:
+            return self.shapes
+        here = dict(zip(self.number[frame.number].tolist(), _shapes(outlines), strict=True))
+        return [here.get(number, shape) for number, shape in enumerate(self.shapes)]
 
 
 def _shapes(outlines: Outlines) -> Iterator[dict[str, Any]]:
@@ -171,7 +181,7 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box, types: _
     particles.types = types.names
     particles.typeid = types.number[frame.number]
     if types.shapes is not None:
-        particles.type_shapes = types.shapes
+        particles.type_shapes = types.shapes_in(frame)
         target.log["particles/group"] = grains.group
     position, velocity = frame.position, frame.velocity
     if model.is_cell:

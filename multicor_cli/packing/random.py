@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.outlines import Outlines
@@ -229,7 +230,8 @@ def _free_area(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> f
     thick = ~IS_THIN[obstacles.kind] & ~obstacles.is_grain
     size = np.full(len(points), 1e-9 * radius.min())
     solid = Obstacles(obstacles.kind[thick], obstacles.world[thick])
-    pairs = find_pairs(points, size, solid, 0.0, region.period)
+    with threads_for(radius.size):  # few grains, too, have many points
+        pairs = find_pairs(points, size, solid, 0.0, region.period)
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
     covered[owner[pairs.partner >= len(points)]] = True

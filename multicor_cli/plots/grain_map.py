@@ -242,7 +242,8 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
     """Draw grains, walls and vectors in colors of ``norm``; returns the collection of grains."""
     # Where a color is the background's own, an outline keeps the grain visible.
     look: dict[str, Any] = {"cmap": _colors(table), "norm": norm}
-    if table.field.scale in ("centered", "logarithmic") or not np.isfinite(table.value).all():
+    is_pale = table.field.scale in ("centered", "logarithmic", "half turn")
+    if is_pale or not np.isfinite(table.value).all():
         look |= {"edgecolors": "0.45", "linewidths": 0.2}
     discs = draw_grains(axes, table.scene, value=table.value, **look)
     discs.set_array(table.values_of_images())

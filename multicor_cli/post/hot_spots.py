@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.model import Model, ShapeKind
-from multicor_cli.model.columns import RADIUS
+from multicor_cli.model import Model
 from multicor_cli.model.flash import flash_rise, spot_peclet
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, shape_temperatures, with_forces
@@ -23,6 +22,7 @@ from multicor_cli.post.source import (
     need_heat,
     properties,
 )
+from multicor_cli.post.spots import spots_of
 from multicor_cli.post.table import Quantity, TimeTable
 
 SPOT_QUANTITIES = (
@@ -45,7 +45,6 @@ SPOT_QUANTITIES = (
 _BINS = 40
 _DECADES = 6.0  # below the largest rise at which bins begin
 _NARROWEST = 1e-3  # range of the bins of temperatures over the highest, where all are alike
-_LARGEST_CUP = 100.0  # radius of contact in a circle over the grain's, at most; as in the engine
 
 
 class HotSpots(TimeTable):
@@ -55,15 +54,19 @@ class HotSpots(TimeTable):
     point; see `multicor_cli.model.flash` for formula, source and validity. P = |f_t v_t| is the
     power of friction in the last step, v_t the sliding speed after it. The spot is that of Hertz,
     a = (3 f_n a*/4E*)^⅓ (Johnson 1985, eq. 4.22), of the force of this step; discs count as spheres
-    of their radius. T_spot adds the mean temperature of the two bodies. A wall without temperature
-    takes no heat, and has no part in the mean.
+    of their radius, corners and sides of other shapes have the radii of curvature there, and what
+    lies on a side a spot of the area on which it is pressed, if that is larger. T_spot adds the
+    mean temperature of the two bodies. A wall without temperature takes no heat, and has no part in
+    the mean.
 
     Attributes:
         time: Times of the frames [s], shape ``(f,)``.
         values: Each of `SPOT_QUANTITIES` over time by name, over the contacts that slide; nan where
             none does, shape ``(f,)``.
         limit: Temperature above which ``above`` counts [K]; nan without one.
-        contacts: Number of contacts that slide, in all frames.
+        contacts: Number of contacts that slide, in all frames; the points of a side count once.
+        sharp: Number of those that slide on sharp corners, in all frames. No radius of their spots
+            is known: they count in ``sliding`` alone.
         rise_edges, spot_edges: Edges of bins of ΔT, a constant ratio apart, and of T_spot, evenly
             spaced [K], shape ``(b + 1,)``.
         rise_density, spot_density: Probability densities in these bins over all contacts that slide
@@ -73,7 +76,7 @@ class HotSpots(TimeTable):
     """
 
     KEYS = (
-        "limit", "contacts", "frame_count", "times",
+        "limit", "contacts", "sharp", "frame_count", "times",
         "units", "mean", "standard_error", "drift", "drift_error", "note",
         "rise_edges", "rise_density", "spot_edges", "spot_density", "time", "values",
     )  # fmt: skip
@@ -91,18 +94,12 @@ def hot_spots(
             melting of the materials, if one is given.
 
     Raises:
-        PostError: If the run has no heat, or grains that are no discs; a material no Young's
-            modulus or no conductivity; no forces belong to these frames, or no contact slides in
-            any of them.
+        PostError: If the run has no heat; a material no Young's modulus or no conductivity; no
+            forces belong to these frames, or no contact slides in any of them but on sharp corners.
         StoreError: If the run cannot be read.
     """
     if source.model.thermal is None:
         need_heat(None)
-    if source.model.outlines is not None and not source.model.outlines.is_disc.all():
-        raise PostError(
-            "spots are those of discs, which count as spheres; of corners and sides of other "
-            "shapes no radius is known: look at temperatures of grains, with post map"
-        )
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
     chosen = with_forces(source, chosen)
@@ -112,6 +109,13 @@ def hot_spots(
     materials = _Materials.of(source)
     spots = [_spots(model_of(source, f), f, materials) for f in frames_of(source, chosen)]
     rise, hot = (np.concatenate([getattr(one, of) for one in spots]) for of in ("rise", "hot"))
+    sharp = sum(one.sharp for one in spots)
+    if not rise.size and sharp:
+        raise PostError(
+            f"all that slides in these frames does so on sharp corners ({sharp}), of which no "
+            "radius of a spot is known: give the shapes a rounding, or look at temperatures of "
+            "grains, with post map"
+        )
     if not rise.size:
         raise PostError("no contact slides in these frames: choose others")
     rows = [_numbers(one, limit) for one in spots]
@@ -123,6 +127,7 @@ def hot_spots(
     even = np.linspace(low - room, high + room, _BINS + 1)
     facts = {
         "limit": np.nan if limit is None else limit, "contacts": rise.size,
+        "sharp": sharp,
         **frames_told(source, chosen),
         "rise_edges": edges, "rise_density": _density(rise, edges),
         "spot_edges": even, "spot_density": _density(hot, even),
@@ -154,53 +159,51 @@ class _Materials(NamedTuple):
 
 
 class _Spots(NamedTuple):
-    """Spots of a frame that slide, ``(s,)``: ΔT [K], T [K], radius [m], Péclet; their share."""
+    """Spots of a frame that slide, ``(s,)``: ΔT [K], T [K], radius [m], Péclet; their share, and
+    how many more slide on corners without a radius.
+    """
 
     rise: Floats
     hot: Floats
     radius: Floats
     peclet: Floats
     share: float
+    sharp: int
 
 
 def _spots(model: Model, frame: Frame, materials: _Materials) -> _Spots:
-    loaded = loaded_contacts(frame, model)
-    slip = np.abs(np.asarray(frame.contacts.slip, np.float64)[loaded.row])
-    slides = loaded.sliding & (loaded.force[:, 0] > 0.0) & (slip > 0.0)
-    share = float(slides.mean()) if slides.size else np.nan
-    rows = np.flatnonzero(slides)
-    contacts, slip = loaded.only(rows), slip[rows]
-    temperature = shape_temperatures(frame, model)
-    ends, material = (contacts.i, contacts.j), model.material
-    first, second = (temperature[end] for end in ends)
-    takes_heat = np.isfinite(second)
-    stiff = materials.stiffness
+    """Of the places that slide: all of their points count together (`post/spots.py`)."""
+    contacts, pair = loaded_contacts(frame, model).points
+    spots = spots_of(contacts, model, frame, pair)
+    slip = np.abs(np.asarray(frame.contacts.slip, np.float64)[contacts.row])
+    slides = contacts.sliding & (contacts.force[:, 0] > 0.0) & (slip > 0.0)
+    is_hot = spots.total(slides.astype(np.float64)) > 0.0
+    share = float(is_hot.mean()) if is_hot.size else np.nan
+    force = spots.total(np.where(slides, contacts.force[:, 0], 0.0))
+    power = spots.total(np.where(slides, np.abs(contacts.force[:, 1]) * slip, 0.0))
+    part = np.where(slides, contacts.force[:, 0] / np.where(slides, force[spots.place], 1.0), 0.0)
+    speed = spots.total(part * slip)
+    ends = [end[spots.first] for end in (contacts.i, contacts.j)]
+    material, stiff = model.material, materials.stiffness
     compliance = sum(1.0 / stiff[material[end]] for end in ends)
-    volume = 0.75 * contacts.force[:, 0] * hertz_radius(model, *ends) * compliance
-    radius = np.cbrt(volume)
-    power = np.abs(contacts.force[:, 1]) * slip
+    # Of a side that is pressed the spot has its area, if that is the larger one
+    radius = np.fmax(np.cbrt(0.75 * force * spots.radius * compliance), np.sqrt(spots.area / np.pi))
+    rows = np.flatnonzero(is_hot & (radius > 0.0))
+    sharp = int(is_hot.sum()) - rows.size
+    radius, power, speed = radius[rows], power[rows], speed[rows]
+    temperature = shape_temperatures(frame, model)
+    first, second = (temperature[end[rows]] for end in ends)
+    takes_heat = np.isfinite(second)
     bodies = [
-        (materials.conductivity[material[end]], materials.volumetric[material[end]]) for end in ends
+        (materials.conductivity[material[end[rows]]], materials.volumetric[material[end[rows]]])
+        for end in ends
     ]
     conductivity = np.where(takes_heat, bodies[1][0], 0.0)
-    rise = flash_rise(power, radius, slip, *bodies[0], conductivity, bodies[1][1])
-    peclets = [spot_peclet(radius, 0.5 * slip, *body) for body in bodies]
+    rise = flash_rise(power, radius, speed, *bodies[0], conductivity, bodies[1][1])
+    peclets = [spot_peclet(radius, 0.5 * speed, *body) for body in bodies]
     peclet = np.where(takes_heat, np.maximum(*peclets), peclets[0])
     hot = np.where(takes_heat, 0.5 * (first + second), first) + rise
-    return _Spots(rise, hot, radius, peclet, share)
-
-
-def hertz_radius(model: Model, i: Floats, j: Floats) -> Floats:
-    """a* of contacts, 1/a* = 1/a_i + 1/a_j [m], shape ``(c,)``.
-
-    A smooth line has no curvature; a circle around the grain has −1/R, up to a* = 100 a_i.
-    """
-    shapes = model.shapes
-    size = np.where(shapes.geometry[:, RADIUS] > 0.0, shapes.geometry[:, RADIUS], 1.0)
-    sign = np.select([shapes.kind == ShapeKind.DISC, shapes.kind == ShapeKind.CIRCLE], [1.0, -1.0])
-    curvature = np.concatenate([1.0 / model.grains.radius, sign / size])
-    mine = curvature[i]
-    return np.asarray(1.0 / np.maximum(mine + curvature[j], mine / _LARGEST_CUP))
+    return _Spots(rise, hot, radius, peclet, share, sharp)
 
 
 def _numbers(spots: _Spots, limit: float | None) -> dict[str, float]:

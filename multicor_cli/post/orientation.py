@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,17 +74,14 @@ def kinds_of(contacts: LoadedContacts, model: Model, frame: Frame) -> NDArray[np
     outlines = model.outlines
     assert outlines is not None
     points, of = contacts.points
-    count, between = contacts.i.size, ~points.is_wall
+    count = contacts.i.size
     force = np.abs(points.force[:, 0])
     order = np.lexsort((force, of))
     strongest = np.zeros(count, np.int64)
     strongest[of[order]] = order
-    near_corner, piece = np.zeros((2, of.size), np.bool_), np.zeros((2, of.size), np.int64)
-    arms = (points.arm, points.branch + points.arm)
-    for own, (end, arm) in enumerate(zip((points.i, points.j), arms, strict=True)):
-        grain = np.asarray(end, np.int64)[between]
-        where = _places(outlines, grain, _turned(arm[between], -np.asarray(frame.angle)[grain]))
-        near_corner[own, between], piece[own, between] = where
+    near_corner, piece = map(
+        np.array, zip(*((e.is_corner, e.piece) for e in ends_of(points, model, frame)), strict=True)
+    )
     alike = (points.normal * points.normal[strongest[of]]).sum(axis=1) > 1.0 - _ROUND
     alike &= (piece == piece[:, strongest[of]]).all(axis=0) & (force > 0.0)
     is_side = np.bincount(of, alike, count) > 1.0
@@ -95,12 +94,46 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
     return np.column_stack([c * x - s * y, s * x + c * y])
 
 
+class End(NamedTuple):
+    """Where points of contacts lie on the outlines of one of their two bodies, ``p`` of them.
+
+    Attributes:
+        grain: The grain; of walls any, shape ``(p,)``.
+        piece: The piece, −1 of walls, shape ``(p,)``.
+        corner: The nearest corner of this piece, shape ``(p,)``.
+        is_corner: Whether they are at it, or at its rounding, shape ``(p,)``.
+    """
+
+    grain: NDArray[np.int64]
+    piece: NDArray[np.int64]
+    corner: NDArray[np.int64]
+    is_corner: NDArray[np.bool_]
+
+
+def ends_of(points: LoadedContacts, model: Model, frame: Frame) -> tuple[End, End]:
+    """Where points of grains of any shape lie on their first and second bodies."""
+    outlines = model.outlines
+    assert outlines is not None
+    found = []
+    for end, arm, is_wall in (
+        (points.i, points.arm, np.zeros(points.i.size, np.bool_)),
+        (points.j, points.branch + points.arm, points.is_wall),
+    ):
+        grain, has = np.where(is_wall, 0, end).astype(np.int64), ~is_wall
+        turned = _turned(arm[has], -np.asarray(frame.angle)[grain[has]])
+        rows = np.full((2, grain.size), -1, np.int64)
+        at_corner = np.zeros(grain.size, np.bool_)
+        rows[0, has], rows[1, has], at_corner[has] = _places(outlines, grain[has], turned)
+        found.append(End(grain, rows[0], rows[1], at_corner))
+    return found[0], found[1]
+
+
 def _places(
     outlines: Outlines, grain: NDArray[np.int64], at: Floats
-) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Whether points on the outlines of grains, from their centers at angle 0 [m], are at corners.
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Pieces and nearest corners of points on outlines of grains, and whether they are at these.
 
-    And the number of the piece that each is on; shapes ``(p,)``.
+    Points lead from their centers at angle 0 [m], shape ``(p, 2)``.
     """
     first = outlines.start[outlines.piece].astype(np.int64)
     number = np.diff(first)[grain]
@@ -118,4 +151,5 @@ def _places(
     nearest = np.lexsort((np.abs(off), point))[before]
     away = (np.minimum(part, 1.0 - part) * np.sqrt(square))[nearest]
     size = np.sqrt(outlines.area / np.pi)[grain]
-    return away <= _AT_CORNER * size, piece[nearest]
+    corner = np.where(part < 0.5, corner, after[corner])[nearest]
+    return piece[nearest], corner, away <= _AT_CORNER * size

@@ -53,11 +53,13 @@ Scaling = Literal["walls", "shear", "none"]
 the difference of their velocities over their distance. ``none``: there is no normalized form.
 """
 
-Colors = Literal["viridis", "plasma", "magma", "cividis", "balance"]
-"""Color maps; ``balance`` goes from blue through white to red."""
+Colors = Literal["viridis", "plasma", "magma", "cividis", "balance", "twilight"]
+"""Color maps; ``balance`` goes from blue through white to red, ``twilight`` ends as it begins."""
 
-Scale = Literal["linear", "from zero", "centered", "logarithmic"]
-"""How values become colors: ``centered`` scales are symmetric about zero."""
+Scale = Literal["linear", "from zero", "centered", "logarithmic", "half turn"]
+"""How values become colors: ``centered`` scales are symmetric about zero, and a ``half turn`` of
+axes ends where it begins, 180° from there.
+"""
 
 _ENOUGH = 400  # with fewer grains colors span all values
 _QUANTILE = 0.995  # with more of them colors may span this part
@@ -121,6 +123,8 @@ class GrainQuantity(Quantity):
 
 def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
     """Smallest and largest value with a color of its own, of finite values of so many grains."""
+    if quantity.scale == "half turn":
+        return 0.0, 180.0
     if not values.size:
         return (_DECADES if quantity.scale == "logarithmic" else 0.0), 1.0
     low, high = float(values.min()), float(values.max())
@@ -359,7 +363,7 @@ QUANTITIES: dict[str, GrainQuantity] = {
             lambda source, frame: degrees_of(
                 axes_of(model_of(source, source.frames[frame]), source.frames[frame])
             ),
-            needs_shapes=True,
+            "twilight", "half turn", needs_shapes=True,
         ),
         GrainQuantity("nematic-order", "nematic order", "S", "1", kind="number",
             averaged=lambda frame, model: axes_of(model, frame), needs_shapes=True,

@@ -97,11 +97,11 @@ async function unpackFrame(number) {
   for (const field of meta.fields) {
     if (arrays[field.name]) values[field.name] = decode(field.name, arrays[field.name]);
   }
-  const [x, y, angle] = ["x", "y", "angle"].map((name) => (arrays[name] ? decode(name, arrays[name]) : null));
-  return { number, about, x, y, angle, values, contacts: decodeContacts(arrays) };
+  const [x, y, angle, radii] = ["x", "y", "angle", "radius"].map((name) => (arrays[name] ? decode(name, arrays[name]) : null));
+  return { number, about, x, y, angle, radii, values, contacts: decodeContacts(arrays) };
 }
 
-/** Radii of the grains. */
+/** Radii of the grains at the start; frames have their own where sizes change. */
 async function loadRadii() {
   const codes = joinPlanes(await unpack("radii"), 0, 4, meta.grains);
   return new Float32Array(codes.buffer);

@@ -175,6 +175,7 @@ class FrameView:
             height and tilt [m].
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
         angle: Angles of the grains [rad], −π … π, shape ``(n,)``; None if all are discs.
+        radius: Their radii [m], shape ``(n,)``; None where sizes do not change.
     """
 
     index: int
@@ -184,6 +185,7 @@ class FrameView:
     walls: Floats
     box: Floats
     angle: Singles | None = None
+    radius: Singles | None = None
 
 
 def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
@@ -211,6 +213,7 @@ def view_of(run: Run, index: int) -> FrameView:
     if scene.rings is not None:
         turned = np.asarray(frame.angle, np.float64)
         angle = (turned - 2.0 * np.pi * np.rint(turned / (2.0 * np.pi))).astype(np.float32)
+    radius = None if frame.radius is None else np.asarray(frame.radius, np.float32)
     if frame.is_open:
 
         def of_all(here: NDArray[Any]) -> NDArray[Any]:
@@ -220,8 +223,8 @@ def view_of(run: Run, index: int) -> FrameView:
             return found
 
         center, values = of_all(center), {name: of_all(here) for name, here in values.items()}
-        angle = None if angle is None else of_all(angle)
-    return FrameView(index, center, values, _contacts(frame), walls, scene.box, angle)
+        angle, radius = (None if own is None else of_all(own) for own in (angle, radius))
+    return FrameView(index, center, values, _contacts(frame), walls, scene.box, angle, radius)
 
 
 def _contacts(frame: Frame) -> ContactsView | None:
@@ -315,12 +318,12 @@ class Packed:
 
     Attributes:
         fields: The quantities that grains have.
-        codes: How they, ``x``, ``y`` and forces of contacts (``contact``) are stored, by name.
+        codes: How they, ``x``, ``y``, forces of contacts (``contact``) … are stored, by name.
         colors: Smallest and largest value that has a color of its own, by field.
         mean_force: Mean force of the contacts that carry one [N]; 0 without such contacts.
         walls: Displacement and angle of the walls, shape ``(frames, w, 3)``.
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
-        radii: Radii of the grains, compressed float32.
+        radii: Radii of the grains at the start, compressed float32.
         looks: What they look like; None if all are discs, or have to be shown as such.
         frame_count: Frames of the run.
         contact_limit: Most contacts that a frame may have here; None: no limit.
@@ -441,8 +444,11 @@ def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, C
         codes[field.name] = Code(*ends, width, SPACINGS[field.name])
     contacts = [view.contacts.force for view in views if view.contacts is not None]
     codes["contact"] = Code(0.0, _ends(contacts)[1], width, "square")
+    radii = [view.radius for view in views if view.radius is not None]
+    if radii:
+        codes["radius"] = Code(*_ends(radii), 2)
     if run.model.outlines is not None:
-        farthest = float(run.model.grains.radius.max())
+        farthest = max(float(run.model.grains.radius.max()), _ends(radii)[1])
         codes |= {"angle": Code(-np.pi, np.pi, 2), "arm": Code(-farthest, farthest, 2)}
         codes["look"] = _SHARES
     return codes
@@ -469,8 +475,9 @@ def _mean_force(views: Sequence[FrameView]) -> float:
 def _pack(view: FrameView, codes: dict[str, Code], grains: int) -> Chunk:
     arrays = {"x": codes["x"].encode(view.center[:, 0]), "y": codes["y"].encode(view.center[:, 1])}
     arrays |= {name: codes[name].encode(values) for name, values in view.values.items()}
-    if view.angle is not None:
-        arrays["angle"] = codes["angle"].encode(view.angle)
+    for name, own in (("angle", view.angle), ("radius", view.radius)):
+        if own is not None:
+            arrays[name] = codes[name].encode(own)
     contacts = view.contacts
     if contacts is not None:
         # First grains as steps between contacts; second ones, or grains plus a wall direction

@@ -63,16 +63,21 @@ function placing([dx, dy, angle]) {
 
 class Picture {
   /** @param {HTMLCanvasElement} canvas where to draw
-   *  @param {Float32Array} radii radii of the grains [m]
+   *  @param {Float32Array} radii radii of the grains at the start [m]
    *  @param {Array} looks rings around each grain, null for discs */
   constructor(canvas, radii, looks) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.radii = radii;
     this.looks = looks;
-    this.largest = radii.reduce((a, b) => Math.max(a, b), 0);
+    this.largest = radii.reduce((a, b) => Math.max(a, b), meta.codes.radius ? meta.codes.radius.high : 0);
     this.mean = radii.reduce((a, b) => a + b, 0) / Math.max(radii.length, 1);
     this.fit();
+  }
+
+  /** Radii of the grains in a frame [m]. */
+  radiiIn(frame) {
+    return frame.radii || this.radii;
   }
 
   /** Show what is in a box [m], by default everything that the run ever shows. */
@@ -249,13 +254,13 @@ class Picture {
   }
 
   drawGrains(frame, show) {
-    const { x, y } = frame, values = frame.values[show.field.name];
+    const { x, y } = frame, radii = this.radiiIn(frame), values = frame.values[show.field.name];
     const [left, right, bottom, top] = this.visible();
     const buckets = Array.from({ length: NONE + 2 }, () => []);
     const flow = meta.isCell && frame.values.velocity && frame.values["velocity-y"] && OF_FLOW[show.field.name];
     for (let k = 0; k < x.length; k++) {
       const own = values ? colorIndex(show.field, values[k], show.range) : -1;
-      this.withImages(x[k], y[k], this.radii[k], (at, high) => {
+      this.withImages(x[k], y[k], radii[k], (at, high) => {
         if (at < left || at > right || high < bottom || high > top) return;
         let color = own;
         if (flow && (at !== x[k] || high !== y[k])) {
@@ -273,11 +278,11 @@ class Picture {
   }
 
   fillGrains(frame, bucket, color) {
-    const context = this.context, isSmall = this.largest * this.scale < 1.5, least = (LEAST * this.pixels) / this.scale;
+    const context = this.context, radii = this.radiiIn(frame), isSmall = this.largest * this.scale < 1.5, least = (LEAST * this.pixels) / this.scale;
     context.fillStyle = color;
     if (!isSmall) context.beginPath();
     for (let k = 0; k < bucket.length; k += 3) {
-      const a = Math.max(this.radii[bucket[k]], least), at = bucket[k + 1], high = bucket[k + 2];
+      const a = Math.max(radii[bucket[k]], least), at = bucket[k + 1], high = bucket[k + 2];
       if (isSmall) {
         context.fillRect(at - a, high - a, 2 * a, 2 * a);
       } else {
@@ -311,7 +316,7 @@ class Picture {
 
   /** Whether a grain covers the point that lies so far from its center. */
   covers(frame, grain, dx, dy) {
-    const context = this.context, size = 1000 / this.radii[grain];
+    const context = this.context, size = 1000 / this.radiiIn(frame)[grain];
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.beginPath();
     this.trace(frame, grain, 0, 0, 1000);
@@ -405,7 +410,7 @@ class Picture {
     const x = frame.x[i], y = frame.y[i], isWall = end >= meta.grains;
     const angle = ((end - meta.grains) / 1024) * 2 * Math.PI;
     const [dx, dy] = isWall
-      ? [this.radii[i] * Math.cos(angle), this.radii[i] * Math.sin(angle)]
+      ? [this.radiiIn(frame)[i] * Math.cos(angle), this.radiiIn(frame)[i] * Math.sin(angle)]
       : this.shortest(frame.x[end] - x, frame.y[end] - y);
     if (arm) {
       const [ax, ay] = [arm[0][k], arm[1][k]];
@@ -428,7 +433,7 @@ class Picture {
   drawSelected(frame, grain) {
     if (!(grain >= 0 && grain < meta.grains)) return;
     const context = this.context;
-    const a = Math.max(this.radii[grain], 4 * this.pixels / this.scale);
+    const a = Math.max(this.radiiIn(frame)[grain], 4 * this.pixels / this.scale);
     const outline = (at, high) => {
       context.beginPath();
       this.trace(frame, grain, at, high, a);
@@ -444,13 +449,13 @@ class Picture {
   /** The grain at a point of the page, or -1. */
   findGrain(frame, clientX, clientY) {
     const [px, py] = this.toWorld(clientX, clientY);
-    const slack = (4 * this.pixels) / this.scale; // small grains need not be hit exactly
+    const radii = this.radiiIn(frame), slack = (4 * this.pixels) / this.scale; // small grains need not be hit exactly
     let found = -1, best = Infinity;
     this.sides = sidesOf(frame);
     for (let k = 0; k < frame.x.length; k++) {
-      const way = this.shortest(px - frame.x[k], py - frame.y[k]), distance = Math.hypot(...way) - this.radii[k];
-      if (distance < 0 && this.radii[k] > slack && !this.covers(frame, k, ...way)) continue;
-      if (distance < Math.min(best, Math.max(0, slack - this.radii[k]))) [found, best] = [k, distance];
+      const way = this.shortest(px - frame.x[k], py - frame.y[k]), distance = Math.hypot(...way) - radii[k];
+      if (distance < 0 && radii[k] > slack && !this.covers(frame, k, ...way)) continue;
+      if (distance < Math.min(best, Math.max(0, slack - radii[k]))) [found, best] = [k, distance];
     }
     return found;
   }

@@ -79,7 +79,7 @@ function valuesOf(grain) {
   const rows = [["grain", String(grain)]];
   if (meta.group.length) rows.push(["group", meta.groups[meta.group[grain]]]);
   const isDisc = !picture.looks[grain];
-  rows.push([isDisc ? "radius" : "reach from the center", `${format(picture.radii[grain])} m`]);
+  rows.push([isDisc ? "radius" : "reach from the center", `${format(picture.radiiIn(frame)[grain])} m`]);
   rows.push(["x, y", `${formatKnown("x", frame.x[grain], 6)}, ${formatKnown("y", frame.y[grain], 6)} m`]);
   if (!isDisc) rows.push(["angle", `${formatKnown("angle", frame.angle[grain], 4)} rad`]);
   for (const field of meta.fields) {

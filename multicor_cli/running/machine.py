@@ -138,20 +138,27 @@ def free_space(directory: Path) -> tuple[Path, int]:
 
 # ---- The kernels of a first run, compiled on two cores
 
+_SHAPES, _HEAT = "shapes", "heat"
+"""What the other process is told to compile for."""
+
 
 @contextlib.contextmanager
-def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]:
+def shared_compilation(
+    threads: int, *, has_shapes: bool = False, has_heat: bool = True
+) -> Iterator[subprocess.Popen[bytes] | None]:
     """Let another process, which is yielded, compile kernels too if there are none and threads > 1.
 
+    Kernels for some grains that are no discs, and with or without those of heat.
     Numba compiles on one core, one kernel after the other. The other process takes them in another
     order (`multicor_cli.engine.precompile`) and leaves them in the cache; if it fails, they are
     compiled here. It ends with the block, and with this process however that ends.
     """
-    if threads < 2 or is_compiled() or not is_kept():
+    if threads < 2 or is_compiled(has_shapes=has_shapes) or not is_kept():
         yield None
         return
     quiet = subprocess.DEVNULL
-    command, environment = python_child("-m", __name__)
+    kinds = [kind for kind, has in ((_SHAPES, has_shapes), (_HEAT, has_heat)) if has]
+    command, environment = python_child("-m", __name__, *kinds)
     try:
         other = subprocess.Popen(
             command, env=environment, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet
@@ -171,4 +178,4 @@ if __name__ == "__main__":
     end_with_parent()
     from multicor_cli.engine.precompile import precompile
 
-    precompile()
+    precompile(has_shapes=_SHAPES in sys.argv, has_heat=_HEAT in sys.argv)

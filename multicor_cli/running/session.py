@@ -81,11 +81,16 @@ class Session:
 
     def __post_init__(self) -> None:
         self._steering: Steering | None = None
+        self._compiles = False
         self._started = time.monotonic()
 
     def run(self) -> RunOutcome:
         """Begin or continue the run; raises as `multicor_cli.run`."""
-        with self.stop_signals.installed(), shared_compilation(self.threads):
+        has_shapes = any(group.outline is not None for group in self.scenario.particles)
+        has_heat = self.scenario.heat is not None
+        self._compiles = not is_compiled(has_shapes=has_shapes)
+        compilation = shared_compilation(self.threads, has_shapes=has_shapes, has_heat=has_heat)
+        with self.stop_signals.installed(), compilation:
             self.stop_signals.on_exit = self._leave
             try:
                 if RunDirectory.is_run(self.path) and not self.overwrite:
@@ -264,9 +269,9 @@ class Session:
                 "thread": engine.threads,
             }
             self.observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))
-            if not is_compiled():
+            if self._compiles:
                 self.observer.message(
-                    "compiling the kernels; this happens once and takes up to half a minute"
+                    "compiling the kernels; this happens once and takes about half a minute"
                 )
             self.stop_signals.on_exit = functools.partial(
                 self._leave, directory=directory, state=state

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
 from report_run import EVIL
-from shaped_run import ANGLE, DISC, DUMBBELL, FRAME, PLACES, UPPER
+from shaped_run import ANGLE, DISC, DUMBBELL, FRAME, PLACES, UPPER, write_shaped_run
 
 from multicor_cli.report import write_report
 from multicor_cli.store import open_run
@@ -506,4 +506,24 @@ def test_grains_of_any_shape_are_drawn_and_found_as_they_are(browser, shaped, tm
         assert opened.wait(lambda: opened.frame == 2)
         opened.page.check("#contacts")
         assert opened.picture() != before
+        assert opened.said == []
+
+
+def test_grains_that_grow_are_drawn_and_told_as_they_are(browser, tmp_path):
+    """The square has 0.16 m at the start and half as much again at the end."""
+    write_shaped_run(tmp_path / "run", growth=0.25)
+    write_report(tmp_path / "run", tmp_path / "page.html")
+    beside = PLACES[UPPER] + [0.1, 0.06]
+    with Opened(browser, (tmp_path / "page.html").as_uri()) as opened:
+        opened.page.fill("#grain", str(UPPER))
+        for key, frame, grain, reach in (
+            ("Home", 0, -1, "0.1131 m"),
+            ("End", 2, UPPER, "0.1697 m"),
+        ):
+            opened.key(key)
+            assert opened.wait(lambda number=frame: opened.frame == number)
+            opened.settle()
+            assert opened.page.evaluate(FOUND, list(beside)) == grain
+            assert (opened.color(*beside)[3] == 255) == (grain >= 0)
+            assert reach in opened.page.inner_text("#chosen")
         assert opened.said == []

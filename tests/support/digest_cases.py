@@ -68,6 +68,7 @@ SHIPPED = {
         "particles.0.count=150", "variables.side=17", "loading.1.duration=0.003",
         "loading.2.duration=0.001",
     ),
+    "rods": ("variables.side=10", "loading.1.until.strain.value=0.3"),
     "conductivity": (
         "variables.side=14", "loading.0.duration=0.003", "loading.1.duration=20.0",
         "loading.2.until.strain.value=0.3",

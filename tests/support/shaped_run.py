@@ -24,6 +24,9 @@ PLACES = np.array([
 TURN = 0.1
 """What all but the squares turn by from frame to frame [rad]."""
 
+GROWING = [PENTAGON, UPPER]
+"""Grains that may grow."""
+
 ORIGIN = np.zeros((1, 2))
 
 
@@ -112,16 +115,23 @@ def advance(state):
 
 
 def write_shaped_run(
-    path, *, frames=3, heat=False, model=None, recorded=True, finish=True, **options
+    path, *, frames=3, heat=False, model=None, recorded=True, finish=True, growth=0.0, **options
 ):
-    """Write a run of these grains, a step from frame to frame; gives the last state."""
+    """Write a run of these grains, a step from frame to frame; gives the last state.
+
+    Two of them grow by the part ``growth`` of their sizes at the start in each.
+    """
     model = model or shaped_model(heat=heat)
+    if growth:
+        model = replace(model, expansion=np.ones(len(model.materials)))
     state = State.at_rest(model, PLACES)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",), **options) as run:
         writer = run.writer(model)
         for frame in range(frames):
             if frame:
                 advance(state)
+            if growth:
+                state.radius[GROWING] = (1.0 + growth * frame) * model.grains.radius[GROWING]
             writer.frame(Snapshot(state, model, contact_rows(state) if recorded else None))
             writer.series_row(Snapshot(state, model))
         run.checkpoint(state, writer)

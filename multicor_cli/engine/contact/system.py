@@ -433,11 +433,14 @@ def assemble(
     wall_inverse: Floats,
     spin_factor: float,
     has_couples: bool,
+    has_faces: bool,
 ) -> OrderedSystem:
     """The problem of a step, whose contacts have begun (`begin_grains`, `begin_walls`).
 
     ``wall_inverse`` are inverse masses per degree of freedom, shape ``(w, 3)``, ``belt`` is that of
-    `OrderedSystem`. Without couples the rolling resistance of the contacts is not looked at.
+    `OrderedSystem`. Without couples the rolling resistance of the contacts is not looked at. Where
+    there are grains that are no discs, the system has batches of points, if only empty ones: it is
+    of one kind then, and what solves it is compiled once.
     """
     velocity, place = schedule.velocity, schedule.place
     inverse = inverse_masses(velocity, place.size, wall_inverse, spin_factor)
@@ -448,7 +451,7 @@ def assemble(
     general, slot = schedule.general, schedule.slot
     others = pack_general(scene, contacts, belt, place, general, inverse)
     points, faces = _NO_POINTS, None
-    if schedule.face_order.size or schedule.face_rest.size:
+    if has_faces:
         points, faces, others = _add_faces(scene, contacts, schedule, belt, inverse, others)
     cell = NO_CELL
     if scene.height > 0.0:

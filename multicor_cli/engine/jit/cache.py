@@ -60,10 +60,14 @@ def configure_cache() -> Path | None:
     return None
 
 
-def is_compiled() -> bool:
-    """Whether `configure_cache` has found kernels of these sources: most are compiled."""
+def is_compiled(*, has_shapes: bool = False) -> bool:
+    """Whether `configure_cache` has found the longest kernel: then most are compiled.
+
+    That of discs, or the one that grains of other shapes need as well.
+    """
     directory = os.environ.get("NUMBA_CACHE_DIR", "")
-    return bool(directory) and next(Path(directory).rglob("*.nbi"), None) is not None
+    longest = "face_sweep.relax_faces-*.nbi" if has_shapes else "acceleration.iterate-*.nbi"
+    return bool(directory) and next(Path(directory).rglob(longest), None) is not None
 
 
 def is_kept() -> bool:

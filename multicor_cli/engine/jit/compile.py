@@ -130,8 +130,25 @@ def subroutine(function: F) -> F:
     """Compile a function that kernels call, too long to be inlined; it must not allocate.
 
     Then references to the arrays of its arguments need not be counted (as `_inlined` says).
+    Integers are of one kind, whichever they are where it is called: it would be compiled for each.
     """
-    return numba.njit(cache=True, error_model="numpy", **_NO_C, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
+    compiled: Any = numba.njit(cache=True, error_model="numpy", **_NO_C, **_WITHOUT_COUNTING)(
+        function
+    )
+    if not IS_COMPILING:
+        return compiled  # type: ignore[no-any-return]
+    find = compiled.get_call_template
+
+    def of_one_kind(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        return find(tuple(map(_wide, args)), {name: _wide(kind) for name, kind in named.items()})
+
+    compiled.get_call_template = of_one_kind
+    return compiled  # type: ignore[no-any-return]
+
+
+def _wide(kind: Any) -> Any:
+    """The kind that an integer argument of a subroutine gets; other kinds as they are."""
+    return types.int64 if isinstance(kind, types.Integer) else kind
 
 
 def loop_body(function: F) -> F:

@@ -17,6 +17,7 @@ COOKBOOK = (
     "sieve-curve",
     "cell-shear",
     "cell-compression",
+    "rods",
     "conductivity",
     "flash-heating",
 )

@@ -7,6 +7,9 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+from scenarios import toml
+
 from multicor_cli.engine.jit import cache
 from multicor_cli.running.machine import shared_compilation
 
@@ -19,9 +22,12 @@ HARD = {
 OVERLAPPED = {"both_ways", "push_apart"}
 """Kernels that only steps with overlaps need."""
 
+LOADED = {"totals_of_places", "_conduct_sides"}
+"""Short kernels that only sides need that carry a load and conduct."""
+
 FIRST = {
     "neighbors", "affine", "scene", "placing", "overlap", "arrays", "moves", "drift",
-    "compile", "contacts",
+    "compile", "contacts", "relaxation",
 }  # fmt: skip
 """Modules whose kernels are needed before the other process comes to them."""
 
@@ -36,11 +42,24 @@ for one in gc.get_objects():
         found[name] = sorted(map(str, one.stats.cache_hits))
 print(json.dumps(found))
 """
-PRECOMPILE = "from multicor_cli.engine.precompile import precompile\nprecompile()"
-STEP = (
-    "from multicor_cli.bench.driving import prepare\nfrom multicor_cli.bench.scenes import START\n"
-    "scene = prepare(START, 100, threads=1)\nscene.take(START.steps)\nscene.engine.contacts()"
+PRECOMPILE = (
+    "from multicor_cli.engine.precompile import precompile\nprecompile(has_shapes={has_shapes})"
 )
+STEP = {
+    False: "from multicor_cli.bench.driving import prepare\n"
+    "from multicor_cli.bench.scenes import START\n"
+    "scene = prepare(START, 100, threads=1)\nscene.take(START.steps)\nscene.engine.contacts()",
+    True: "import multicor_cli, tempfile\nfrom multicor_cli.scenario import parse_scenario\n"
+    "with tempfile.TemporaryDirectory() as folder:\n"
+    "    scenario = parse_scenario({pentagons!r}, 'pentagons.toml')\n"
+    "    multicor_cli.run(scenario, folder + '/run', threads=1)",
+}
+"""Steps of discs, and of grains of another shape, that fall on a floor and conduct heat."""
+
+PENTAGONS = toml(
+    grains={"count": 20, "shape": {"kind": "polygon", "sides": 5}}, heat={"temperature": 300.0},
+    duration=0.05, size=[0.02, 0.02], periodic=True, output={"frame_interval": 0.01},
+)  # fmt: skip
 
 
 def loaded(code):
@@ -54,17 +73,19 @@ def loaded(code):
     return json.loads(done.stdout)
 
 
-def test_precompilation_compiles_what_a_run_asks_for_and_nothing_else():
-    rehearsed, asked = loaded(PRECOMPILE), loaded(STEP)
+@pytest.mark.parametrize("has_shapes", [False, True])
+def test_precompilation_compiles_what_a_run_asks_for_and_nothing_else(has_shapes):
+    rehearsed = loaded(PRECOMPILE.format(has_shapes=has_shapes))
+    asked = loaded(STEP[has_shapes].format(pentagons=PENTAGONS))
     for name, kinds in rehearsed.items():
         # The first steps have no overlaps
         if name.rpartition(".")[2] not in HARD | OVERLAPPED:
             assert set(kinds) <= set(asked[name]), name
     for name in asked.keys() - rehearsed.keys():
-        assert set(name.split(".")) & FIRST, name
-    assert {name.rpartition(".")[2] for name in rehearsed} >= HARD | {
-        "iterate", "generate", "hertz_spots",
-    }  # fmt: skip
+        assert set(name.split(".")) & (FIRST | LOADED), name
+    names = {name.rpartition(".")[2] for name in rehearsed}
+    assert names >= HARD | {"iterate", "generate", "hertz_spots"}
+    assert has_shapes == (names >= {"begin_faces", "account_faces", "points_up_to"})
 
 
 def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_path, monkeypatch):
@@ -83,9 +104,11 @@ def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_pat
     with shared_compilation(2) as other:
         assert other is None
     monkeypatch.delenv("MULTICOR_NO_CACHE")
-    (tmp_path / cache.cache_name() / "kernel.nbi").touch()
+    (tmp_path / cache.cache_name() / "acceleration.iterate-9.py311.nbi").touch()
     with shared_compilation(2) as other:
         assert other is None
+    with shared_compilation(2, has_shapes=True, has_heat=False) as other:
+        assert {"shapes"} == {"shapes", "heat"} & set(other.args)
 
 
 def test_the_second_process_ends_with_the_first(tmp_path):

@@ -8,7 +8,18 @@ import sys
 import numpy as np
 import pytest
 from heat_run import GRAINS, column, contact_rows, heated_model
-from shaped_run import ANGLE, DUMBBELL, FRAME, LOWER, PENTAGON, ROD, TRIANGLE
+from shaped_run import (
+    ANGLE,
+    DISC,
+    DUMBBELL,
+    FRAME,
+    LOWER,
+    PENTAGON,
+    ROD,
+    TRIANGLE,
+    UPPER,
+    write_shaped_run,
+)
 from store_support import file_size_limit, make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
@@ -241,3 +252,21 @@ def test_grains_of_any_shape_have_a_type_for_each_outline(shaped, tmp_path):
             x, y = np.array(shapes[number]["vertices"]).T
             area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
             assert area == pytest.approx(outlines.area[grain], rel=5e-3)
+
+
+def test_shapes_are_as_large_as_grains_are_in_each_frame(tmp_path):
+    """Then the two squares, of which one grows, have a type each."""
+    write_shaped_run(tmp_path / "run", growth=0.25)
+    with open_run(tmp_path / "run") as run:
+        outlines = run.model.outlines
+        export_gsd(run, tmp_path / "a.gsd")
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        for frame, theirs in enumerate(file):
+            grains, factor = theirs.particles, 1.0 + 0.25 * frame
+            assert grains.typeid.tolist() == list(range(9))
+            assert grains.type_shapes[DISC]["diameter"] == pytest.approx(0.2)
+            for grain, by in ((PENTAGON, factor), (UPPER, factor), (LOWER, 1.0)):
+                corners, rounding = outlines.pieces(grain)[0]
+                shape = grains.type_shapes[grain]
+                assert shape["rounding_radius"] == pytest.approx(by * rounding, rel=1e-12)
+                np.testing.assert_allclose(shape["vertices"], by * corners, rtol=1e-12)

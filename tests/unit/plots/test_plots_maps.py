@@ -110,6 +110,16 @@ def test_color_scales(column):
     assert norm.vmin < 300.0 < norm.vmax
 
 
+def test_axes_of_grains_have_colors_that_end_as_they_begin(shapes):
+    """Those at 0 and 180° are the same, whatever lies in between."""
+    panel = map_of(grain_map(shapes, "orientation", 1))
+    grains = panel.collections[0]
+    assert (grains.norm.vmin, grains.norm.vmax) == (0.0, 180.0)
+    first, middle, last = grains.to_rgba([0.0, 90.0, 179.999])[:, :3]
+    assert first == pytest.approx(last, abs=0.01)
+    assert abs(first - middle).max() > 0.5
+
+
 def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column):
     network = force_network(column)
     panel = panel_of(draw_forces, network)

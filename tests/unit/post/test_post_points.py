@@ -418,13 +418,6 @@ def test_stress_of_known_anisotropies_with_branches_across():
     assert (mean["theta_s"] + 90.0) % 180.0 == pytest.approx(90.0, abs=1e-6)
 
 
-def test_hot_spots_are_those_of_discs():
-    source = column()
-    heat = replace(source.model, thermal=Thermal(np.ones(2), np.ones(2), np.ones(2)))
-    with pytest.raises(post.PostError, match="spots are those of discs"):
-        post.hot_spots(source_of(heat, source.frames))
-
-
 def test_models_of_discs_have_rows_as_contacts():
     from scene_parts import make_model
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
 from report_run import EVIL, decode, read_looks, read_page, write_evil_run
-from shaped_run import ANGLE, DISC, LOWER, PLACES, UPPER
+from shaped_run import ANGLE, DISC, GROWING, LOWER, PLACES, UPPER, write_shaped_run
 from store_support import drive, make_model, make_run, run_whole
 
 from multicor_cli.export import ExportRefused
@@ -227,6 +227,17 @@ def test_grains_that_are_alike_but_for_their_size_share_a_look(shaped):
 
 
 @pytest.mark.usefixtures("no_figures")
+def test_frames_have_the_radii_of_grains_that_grow(tmp_path):
+    write_shaped_run(tmp_path / "run", growth=0.25)
+    meta, frames, radii = read_page(written(tmp_path / "run", path=tmp_path / "p.html"))
+    for k, arrays in enumerate(frames):
+        known = np.array(radii, np.float64)
+        known[GROWING] *= 1.0 + 0.25 * k
+        assert decode(meta, "radius", arrays["radius"]) == pytest.approx(known, abs=1e-5)
+    assert meta["codes"]["arm"]["high"] == pytest.approx(max(known))
+
+
+@pytest.mark.usefixtures("no_figures")
 def test_a_page_without_room_for_outlines_says_so(shaped, tmp_path, monkeypatch):
     monkeypatch.setattr("multicor_cli.report.pack._LOOKS_SHARE", 0.0)
     text = written(shaped, path=tmp_path / "p.html")
@@ -240,7 +251,7 @@ def test_discs_need_no_looks(evil, tmp_path):
     meta, frames, _ = read_page(text)
     assert meta["looks"] is None
     assert "Grains are circles here" not in text
-    assert not {"angle", "contact_arm_x"} & set(frames[-1])
+    assert not {"angle", "radius", "contact_arm_x"} & set(frames[-1])
 
 
 @pytest.mark.usefixtures("no_figures")

@@ -37,8 +37,13 @@ def test_directory_given_by_the_user_is_respected(home, tmp_path, monkeypatch):
     assert cache.configure_cache() == found  # what we have set ourselves leads to the same place
     assert not cache.is_compiled()
     (found / "sub").mkdir()
-    (found / "sub" / "kernel.nbi").touch()
+    (found / "sub" / "relaxation._descend-238.py311.nbi").touch()  # placing grains alone
+    assert not cache.is_compiled()
+    (found / "sub" / "acceleration.iterate-9.py311.nbi").touch()
     assert cache.is_compiled()
+    assert not cache.is_compiled(has_shapes=True)
+    (found / "sub" / "face_sweep.relax_faces-9.py311.nbi").touch()
+    assert cache.is_compiled(has_shapes=True)
 
 
 @pytest.mark.parametrize("why", ["of somebody else", "open to all", "full"])
