@@ -6,13 +6,13 @@ import numpy as np
 
 from multicor_cli.engine.contact.face_sweep import first_of_batches, measure_faces
 from multicor_cli.engine.contact.law import solve_exact
+from multicor_cli.engine.contact.rolling import measure_couples
 from multicor_cli.engine.contact.sweep import (
     CellTerms,
     System,
     correction,
     general_solution,
     general_velocity,
-    measure_couples,
     stretch_of,
 )
 from multicor_cli.engine.contact.vector_sweep import (

@@ -13,8 +13,6 @@ from multicor_cli.engine.contact.contacts import (
     Contacts,
     Speeds,
     contact_after,
-    couples_of,
-    pack_couples,
 )
 from multicor_cli.engine.contact.face_sweep import FaceBatches
 from multicor_cli.engine.contact.faces import (
@@ -25,9 +23,9 @@ from multicor_cli.engine.contact.faces import (
     unpack_points,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
+from multicor_cli.engine.contact.rolling import NO_COUPLES, couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import (
     NO_CELL,
-    NO_COUPLES,
     CellTerms,
     System,
     add_impulses,

@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.contacts import Contacts, contact_after, rolling_loss
+from multicor_cli.engine.contact.contacts import (
+    Contacts,
+    contact_after,
+)
+from multicor_cli.engine.contact.rolling import rolling_loss
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.contact.vector_step import (
     FRICTION,
