@@ -6,7 +6,7 @@ import numpy as np
 from scene_parts import FLOOR, make_model
 
 from multicor_cli.engine import Engine, Orders, Settings
-from multicor_cli.model import State
+from multicor_cli.model import State, Thermal
 from multicor_cli.model.measures import measure
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import ShapeKind, WallBody
@@ -99,6 +99,23 @@ def wall_shapes(*parts):
                 numbers = (*numbers[:2], *lines)
             joined.append((kind, wall, numbers))
     return joined
+
+
+def with_heat(model, start=300.0, specific=500.0, *, thickness=0.5):
+    """The model with grains as prisms of a thickness, at temperatures at the start [K]."""
+    start = np.broadcast_to(np.asarray(start, float), (model.grain_count,)).copy()
+    return replace(
+        model, thermal=Thermal(specific * model.grains.mass, start, thickness * model.perimeter)
+    )
+
+
+def scattered(rng, columns, rows, pitch, lowest):
+    """Places of grains turned at random, in rows and columns about as far apart as ``pitch``."""
+    k = np.arange(columns * rows)
+    angle = rng.uniform(0.0, 7.0, k.size)
+    places = np.column_stack([pitch * (k % columns + 0.5), lowest + pitch * (k // columns), angle])
+    places[:, :2] += rng.uniform(-0.05, 0.05, (k.size, 2))
+    return places
 
 
 def on_slope(tangent, gravity=9.81):

@@ -6,23 +6,22 @@ import numpy as np
 import pytest
 from heat_parts import at_temperature, coupled_engine, make_heat_laws
 from scene_parts import FLOOR, TIGHT, G, book, continued, make_model
-from shapes import POINT, box, disc, on_slope, outlines_of, regular, rod, shaped_model
+from shapes import POINT, box, disc, on_slope, outlines_of, regular, rod, shaped_model, with_heat
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.model import ShapeKind
 
 ALPHA, THICKNESS = 1e-3, 0.5
 
 
 def growing(model, alpha=ALPHA, *, sheds=False, start=300.0):
     """The model as prisms whose outlines follow temperatures, and wear."""
-    capacity, start = 500.0 * model.grains.mass, np.full(model.grain_count, start)
-    thermal = Thermal(capacity, start, THICKNESS * model.perimeter)
-    return replace(model, thermal=thermal, expansion=np.array([alpha]), sheds=sheds)
+    model = with_heat(model, start, thickness=THICKNESS)
+    return replace(model, expansion=np.array([alpha]), sheds=sheds)
 
 
 def warmed(engine, rate, steps, dt=1e-3):

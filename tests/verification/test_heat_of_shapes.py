@@ -14,7 +14,7 @@ from heat_parts import (
     temperatures,
 )
 from scene_parts import FLOOR, TIGHT, G, advance, book, continued, make_model, resume
-from shapes import POINT, box, disc, on_slope, outlines_of, regular, rod, shaped_model
+from shapes import POINT, box, disc, on_slope, outlines_of, regular, rod, shaped_model, with_heat
 from wall_lines import level, walls_of
 
 from multicor_cli.engine import Settings
@@ -45,12 +45,7 @@ SETTINGS = {"laws": LAWS, "friction": "none"}
 def hot(grains, start=300.0, *, specific=500.0, **keys):
     """A model of prisms of one thickness with temperatures."""
     model = shaped_model(grains, **{"friction": MU, **keys})
-    count = model.grain_count
-    thermal = Thermal(
-        specific * model.grains.mass, np.broadcast_to(np.asarray(start, float), (count,)).copy(),
-        THICKNESS * model.perimeter,
-    )  # fmt: skip
-    return replace(model, thermal=thermal)
+    return with_heat(model, start, specific, thickness=THICKNESS)
 
 
 def spot(force, radius):

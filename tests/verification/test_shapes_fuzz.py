@@ -14,6 +14,7 @@ from shapes import (
     disc,
     regular,
     rod,
+    scattered,
     shaped_engine,
     shaped_model,
     wall_line,
@@ -73,11 +74,7 @@ def any_scene(seed, columns=7, rows=7, threads=1, *, clumps=True, spin=0.0):
         [any_grain(rng, clumps=clumps) for _ in range(count)], shapes, walls, mass=5.0, length=width,
         friction=float(rng.choice([0.0, 0.3, 0.8])), restitution=float(rng.choice([0.0, 0.0, 0.4])),
     )  # fmt: skip
-    k = np.arange(count)
-    places = np.column_stack(
-        [pitch * (k % columns + 0.5), 0.6 + pitch * (k // columns), rng.uniform(0.0, 7.0, count)]
-    )
-    places[:, :2] += rng.uniform(-0.05, 0.05, (count, 2))
+    places = scattered(rng, columns, rows, pitch, 0.6)
     drives = [
         WallDrive(x=DofDrive(velocity=Sine(0.0, 1.0, 0.7)), surface=Constant(0.5)),
         WallDrive(),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scene_parts import book, tally
-from shapes import convex, regular, shaped_engine, shaped_model, wall_line, wall_shapes
+from shapes import convex, regular, scattered, shaped_engine, shaped_model, wall_line, wall_shapes
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind
@@ -36,11 +36,7 @@ def sharp_bed(seed, columns=12, rows=8):
         ("floor", "lid", "teeth"), friction=friction, restitution=restitution, period=width,
         mass=5.0, length=width,
     )  # fmt: skip
-    k = np.arange(count)
-    places = np.column_stack(
-        [pitch * (k % columns + 0.5), 1.0 + pitch * (k // columns), rng.uniform(0.0, 7.0, count)]
-    )
-    places[:, :2] += rng.uniform(-0.05, 0.05, (count, 2))
+    places = scattered(rng, columns, rows, pitch, 1.0)
     drives = [
         WallDrive(),
         WallDrive(y=DofDrive(force=Constant(-20.0 * width))),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
-from multicor_cli.engine.contact.faces import FacePairs
+from multicor_cli.engine.contact.faces import FacePairs, rows_of_faces
 from multicor_cli.engine.geometry.outlines import Pieces, are_faces, true_gap
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
@@ -293,7 +293,6 @@ def resting_attraction(
     sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
     is_point = np.zeros(i.size, np.bool_)
     if outlines is not None:
-        is_face, is_wall = ~outlines.is_disc, j >= scene.radius.size
-        is_point = is_face[i] | (~is_wall & is_face[np.where(is_wall, 0, j)])
+        is_point = rows_of_faces(~outlines.is_disc, i, j)
         sharing[is_point] = 1.0
     return dt * _shares_at_rest(scene, laws, i, j, is_point) / sharing

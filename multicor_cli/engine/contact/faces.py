@@ -128,10 +128,15 @@ LOOK = 1e-3
 NO_FACES = FacePairs(_NONE, _NONE, _NONE)
 
 
+def rows_of_faces(is_face: NDArray[np.bool_], i: Ints, j: Ints) -> NDArray[np.bool_]:
+    """Which pairs have a grain that is no disc, shape ``(c,)``; ``is_face`` of all grains."""
+    is_grain = j < is_face.size
+    return np.asarray(is_face[i] | (is_grain & is_face[np.where(is_grain, j, 0)]))
+
+
 def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints, FacePairs]:
     """Pairs, sorted, with a row for each point that has room; and which of these rows are faces."""
-    is_wall = j >= pieces.is_face.size
-    is_face = pieces.is_face[i] | (~is_wall & pieces.is_face[np.where(is_wall, 0, j)])
+    is_face = rows_of_faces(pieces.is_face, i, j)
     first = np.cumsum(room) - room
     faces = FacePairs(
         first[is_face].astype(np.int32), room[is_face].astype(np.int32),

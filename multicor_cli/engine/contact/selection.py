@@ -23,6 +23,7 @@ from multicor_cli.engine.contact.faces import (
     carried_points,
     make_room,
     recall_points,
+    rows_of_faces,
 )
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
@@ -387,12 +388,9 @@ class Selection:
         return schedule
 
     def _are_faces(self) -> NDArray[np.bool_] | None:
-        if not self.faces.first.size:
+        if self._pieces is None or not self.faces.first.size:
             return None
-        change = np.zeros(self.i.size + 1, np.int64)
-        change[self.faces.first] += 1
-        change[self.faces.first + self.faces.room] -= 1
-        return np.asarray(np.cumsum(change[:-1]) > 0)
+        return rows_of_faces(self._pieces.is_face, self.i, self.j)
 
     def pairs_with(self, overlaps: NDArray[np.bool_]) -> tuple[Ints, Ints]:
         """Those pairs of grains with corners that overlap, shape ``(f,)``, and all others."""
