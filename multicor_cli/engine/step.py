@@ -72,12 +72,7 @@ from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.layout import Layout
 from multicor_cli.engine.motion.moves import are_sound, move, wrap
 from multicor_cli.engine.motion.prediction import Prediction, Predictor, refuse_state
-from multicor_cli.engine.motion.separation import (
-    ALLOWED,
-    Correction,
-    correct_positions,
-    reach_of,
-)
+from multicor_cli.engine.motion.separation import ALLOWED, Correction, correct_positions, reach_of
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, StepReport
 from multicor_cli.model.cell import mean_flow

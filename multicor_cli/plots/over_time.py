@@ -338,10 +338,7 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
 # ---- How a packing conducts over time, in the same way
 
 _OF_CONDUCTIVITY: Panels = (
-    (
-        "of a square $K$ [W/K]",
-        tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy")),
-    ),
+    ("of a square $K$ [W/K]", tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy"))),
     ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
     ("$K/H$ [–]", (("over_contact", ""),)),
     (r"$K/K_\mathrm{lin}$ [–]", (("over_linear", ""),)),
@@ -381,10 +378,7 @@ _OF_LAYER: Panels = (
     ("joined to the walls [–]", (("joined", ""),)),
 )
 _OF_LAYER_FLOW: Panels = (
-    (
-        "heat flow [W]",
-        (("flow", "through"), ("stored", "stored")),
-    ),
+    ("heat flow [W]", (("flow", "through"), ("stored", "stored"))),
     (r"$\Delta T$ [K]", (("difference", ""),)),
     ("of a square $K$ [W/K]", (("flow_square", ""),)),
     ("stored over through [–]", (("unsteadiness", ""),)),
@@ -475,10 +469,7 @@ def wall_heat_text(table: WallHeatTable, _terminal: Terminal) -> str:
 # ---- Mean heat flux over time, in the same way
 
 _OF_FLUX: Panels = (
-    (
-        "of a square $K$ [W/K]",
-        (("along", r"along $G$"), ("across", r"across $G$")),
-    ),
+    ("of a square $K$ [W/K]", (("along", r"along $G$"), ("across", r"across $G$"))),
     _SHARES,
     (
         "diffusivity [m²/s]",

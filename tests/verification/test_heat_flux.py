@@ -8,12 +8,7 @@ from heat_parts import at_temperature, make_heat_laws, temperatures
 from scene_parts import continued, make_model
 
 from multicor_cli.engine import Engine, Orders
-from multicor_cli.engine.heat.gas import (
-    CORE,
-    Gas,
-    parallel_conductance,
-    parallel_conductance_wall,
-)
+from multicor_cli.engine.heat.gas import CORE, Gas, parallel_conductance, parallel_conductance_wall
 from multicor_cli.engine.heat.radiation import (
     STEFAN_BOLTZMANN,
     Radiation,

@@ -24,17 +24,7 @@ from multicor_cli.engine.geometry.places import find_places, met_before, totals_
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import (
-    INVERSE_MASS,
-    NORMAL,
-    SPIN,
-    SURFACE,
-    XX,
-    XY,
-    YY,
-    X,
-    Y,
-)
+from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, SURFACE, XX, XY, YY, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import State
@@ -123,17 +113,9 @@ def _nearest_pieces(scene: Scene, contacts: Contacts, i: Ints, j: Ints) -> Float
 
 @kernel
 def begin_attraction(
-    scene: Scene,
-    laws: ContactLaws,
-    contacts: Contacts,
-    i: Ints,
-    j: Ints,
-    bodies: Floats,
-    bridge_row: NDArray[np.int64],
-    bridge_j: Ints,
-    dt: float,
-    faces: FacePairs,
-) -> None:
+    scene: Scene, laws: ContactLaws, contacts: Contacts, i: Ints, j: Ints, bodies: Floats,
+    bridge_row: NDArray[np.int64], bridge_j: Ints, dt: float, faces: FacePairs,
+) -> None:  # fmt: skip
     """F Δt into all contacts [N s], the mean over the way that a pair goes with u_n⁻ in the step.
 
     Dry pairs attract each other within the range, wet ones where they touch, now or at the start

@@ -297,14 +297,9 @@ def _speed(c: int, scene: Scene, start: Floats, contacts: Contacts) -> float:
 
 @kernel
 def begin_walls(
-    scene: Scene,
-    laws: ContactLaws,
-    start: Floats,
-    dt: float,
-    ratio: float,
-    which: Ints,
+    scene: Scene, laws: ContactLaws, start: Floats, dt: float, ratio: float, which: Ints,
     contacts: Contacts,
-) -> Speeds:
+) -> Speeds:  # fmt: skip
     """Everything of some contacts with walls but adhesion and rolling resistance.
 
     ``start`` are velocities v⁻ of all bodies; ``ratio`` is that of this time step to the last, by
@@ -328,15 +323,9 @@ def begin_walls(
 
 @kernel
 def fix_lanes(
-    scene: Scene,
-    laws: ContactLaws,
-    bodies: Floats,
-    i: Ints,
-    j: Ints,
-    slot: Ints,
-    about: Floats,
+    scene: Scene, laws: ContactLaws, bodies: Floats, i: Ints, j: Ints, slot: Ints, about: Floats,
     frame: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """What lasts with the contacts of two grains, into their lanes: laws, masses and radii.
 
     ``bodies`` have inverse masses in their last column. **Modifies** ``about`` and ``frame``.

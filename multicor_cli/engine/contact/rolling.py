@@ -133,14 +133,9 @@ NO_COUPLES = Couples(
 
 
 def pack_couples(
-    scene: Scene,
-    contacts: Contacts,
-    belt: Floats,
-    slot: Ints,
-    general: Ints,
-    place: Ints,
+    scene: Scene, contacts: Contacts, belt: Floats, slot: Ints, general: Ints, place: Ints,
     inverse: Floats,
-) -> Couples:
+) -> Couples:  # fmt: skip
     """Couples of contacts, in their order; arrays of `Schedule`, `System` and `OrderedSystem`."""
     contact = np.flatnonzero(contacts["mu_r"] > 0.0)
     if not contact.size:

@@ -55,14 +55,9 @@ solve."""
 
 @parallel_kernel
 def fastest_approach(
-    scene: Scene,
-    pieces: Pieces | None,
-    row: NDArray[np.int64],
-    partner: Ints,
-    start: Floats,
-    free: Floats,
-    cutoff: float,
-) -> float:
+    scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints, start: Floats,
+    free: Floats, cutoff: float,
+) -> float:  # fmt: skip
     """Largest speed of approach of the listed pairs with a gap below ``cutoff`` [m], or 0 [m/s].
 
     At q_m, with the velocities ``start`` or ``free``, whichever approach faster; of grains that are
@@ -168,16 +163,9 @@ def beside_gap(
 
 @parallel_kernel
 def find_closing(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    start: Floats,
-    end: Floats,
-    cutoff: float,
-    dt: float,
-    reach: float,
-) -> tuple[bool, float]:
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, start: Floats, end: Floats,
+    cutoff: float, dt: float, reach: float,
+) -> tuple[bool, float]:  # fmt: skip
     """Pairs that are no contacts although they close within ``dt`` or are within ``reach`` [m].
 
     ``start`` and ``end`` are velocities with either of which they may, ``cutoff`` a gap that no

@@ -237,17 +237,9 @@ def solve_system(
                 use_threads(pace.threads)
             done, started = float(loop["sweeps"]), time.perf_counter()
             iterate(
-                system,
-                momentum,
-                local,
-                settings.method == "accelerated",
-                parallel,
-                limit,
-                is_last,
-                tolerance,
-                memory,
-                partial,
-            )
+                system, momentum, local, settings.method == "accelerated", parallel, limit, is_last,
+                tolerance, memory, partial,
+            )  # fmt: skip
             pace.note(
                 count,
                 parallel,
@@ -262,16 +254,9 @@ def solve_system(
                 elif is_clustered:
                     contact = choose_patch(system, BLOCKS[(done - len(SIZES)) % len(BLOCKS)], met)
                     _take_turns(
-                        system,
-                        contact,
-                        momentum,
-                        local,
-                        parallel,
-                        tolerance,
-                        memory,
-                        partial,
+                        system, contact, momentum, local, parallel, tolerance, memory, partial,
                         should_stop,
-                    )
+                    )  # fmt: skip
                 keep_in_mind(system, met)
                 begin_again(system, momentum, is_clustered, loop)
             _ask(should_stop)
@@ -296,16 +281,10 @@ TURNS, SWEEPS, FUTILE = 40, 10, 12
 
 
 def _take_turns(
-    system: System,
-    contact: NDArray[np.int64],
-    momentum: Momentum,
-    local: int,
-    parallel: bool,
-    tolerance: Tolerances,
-    memory: NDArray[np.void],
-    partial: Floats,
+    system: System, contact: NDArray[np.int64], momentum: Momentum, local: int, parallel: bool,
+    tolerance: Tolerances, memory: NDArray[np.void], partial: Floats,
     should_stop: Callable[[], bool] | None,
-) -> None:
+) -> None:  # fmt: skip
     """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel.
 
     A patch that is solved once and then swept over like everything else is left again, because its
@@ -324,16 +303,8 @@ def _take_turns(
         begin_again(system, momentum, False, loop)
         mass = hold(system, contact)
         iterate(
-            system,
-            momentum,
-            local,
-            True,
-            parallel,
-            int(loop["sweeps"]) + SWEEPS,
-            False,
-            NEVER,
-            memory,
-            partial,
-        )
+            system, momentum, local, True, parallel, int(loop["sweeps"]) + SWEEPS, False, NEVER,
+            memory, partial,
+        )  # fmt: skip
         step_back(system, momentum)
         release(system, contact, mass)

@@ -110,16 +110,9 @@ NO_CELL = CellTerms(np.empty((0, 2, LANES)), np.empty((0, 2)), 0, np.empty((0, 3
 
 @loop_body
 def push_general(
-    g: int,
-    d_n: float,
-    d_t: float,
-    velocity: Floats,
-    inverse: Floats,
-    pair: Ints,
-    frame: Floats,
-    lever: Floats,
-    cell: CellTerms,
-) -> None:
+    g: int, d_n: float, d_t: float, velocity: Floats, inverse: Floats, pair: Ints, frame: Floats,
+    lever: Floats, cell: CellTerms,
+) -> None:  # fmt: skip
     """Change the velocities of the two bodies of a contact by an impulse. Arrays as in `System`."""
     nx, ny = frame[g, NX], frame[g, NY]
     px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
@@ -573,26 +566,16 @@ def sweep(
             way.extrapolation, parallel, partial, gradient, inverse, s.cell.own,
         )  # fmt: skip
     return total + relax_couples(
-        s.velocity,
-        s.inverse,
-        s.couples,
-        impulse,
-        s.general_impulse,
-        before.couple,
+        s.velocity, s.inverse, s.couples, impulse, s.general_impulse, before.couple,
         way.extrapolation,
-    )
+    )  # fmt: skip
 
 
 @formula
 def push_lane(
-    lane: np.uint64,
-    d_n: float,
-    d_t: float,
-    velocity: Floats,
-    pair: Ints,
-    frame: Floats,
+    lane: np.uint64, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats,
     beta: float,
-) -> None:
+) -> None:  # fmt: skip
     """Change the velocities of the two bodies of a diagonal contact by an impulse; arrays flat."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])

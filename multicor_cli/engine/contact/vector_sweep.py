@@ -342,15 +342,9 @@ class ResidualSums:
 
 @vector_loop(results=5)
 def measure_batches(
-    code: Writer,
-    first: _Value,
-    last: _Value,
-    velocity: _Value,
-    pair: _Value,
-    frame: _Value,
-    impulse: _Value,
-    beta: _Value,
-) -> list[_Value]:
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
+    impulse: _Value, beta: _Value,
+) -> list[_Value]:  # fmt: skip
     """As `measure_scalar`."""
     return _measure(code, first, last, (velocity, pair, frame, impulse), beta, None)
 
@@ -419,15 +413,9 @@ def pull_batches(
 
 @vector_loop(results=2)
 def extrapolate_rows(
-    code: Writer,
-    first: _Value,
-    last: _Value,
-    now: _Value,
-    before: _Value,
-    change: _Value,
-    weight: _Value,
-    factor: _Value,
-) -> list[_Value]:
+    code: Writer, first: _Value, last: _Value, now: _Value, before: _Value, change: _Value,
+    weight: _Value, factor: _Value,
+) -> list[_Value]:  # fmt: skip
     """As `extrapolate_scalar`."""
     zero, by = code.number(0.0), code.spread(factor)
     sums = code.keep([zero, zero])
