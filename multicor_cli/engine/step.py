@@ -37,7 +37,7 @@ from multicor_cli.engine.contact.faces import (
 from multicor_cli.engine.contact.flight import leave_flights_out
 from multicor_cli.engine.contact.impacts import are_contacts
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.rolling import WarmStart, begin_rolling, couples_of
+from multicor_cli.engine.contact.rolling import begin_rolling, couples_of
 from multicor_cli.engine.contact.selection import AHEAD, LASTS, SKIN, Selection
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, solve_system
 from multicor_cli.engine.contact.system import (
@@ -607,20 +607,13 @@ class Engine:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
+        attraction = self._begin_adhesion(scene, dt) if laws.adhesion.size else 0.0
+        if laws.rolling.size:
             row = warm_rows(layout.model.grain_count, state.contact_i)
-            warm = WarmStart(row, state.contact_j, state.contact_couple)
-            if laws.adhesion.size:
-                bridges = bridge_rows(state, layout.model.grain_count)
-                begin_attraction(scene, laws, contacts, i, j, start, *bridges, dt, selection.faces)
-                scatter_impulses(contacts, lanes.slot, lanes.impulse)
-                attract(
-                    scene, contacts, lanes.place, self._motion.inverse, layout.model.shape_factor,
-                    lanes.velocity,
-                )  # fmt: skip
-            if laws.rolling.size:
-                begin_rolling(scene, laws, start, warm, ratio, contacts)
-                contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
-        attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
+            begin_rolling(
+                scene, laws, start, row, state.contact_j, state.contact_couple, ratio, contacts
+            )
+            contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
         speeds, is_solved = [grains, walls], True
         closing = grains.closing or walls.closing or (faces is not None and faces.closing)
         if opening is not None and not closing:
@@ -645,6 +638,22 @@ class Engine:
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
         return contacts, scale, is_solved, lacking, beyond
+
+    def _begin_adhesion(self, scene: Scene, dt: float) -> float:
+        """Attraction into all contacts and free velocities; returns the largest F Δt [N s]."""
+        layout, selection = self._layout, self._layout.selection
+        contacts, lanes = selection.contacts, selection.lanes
+        bridges = bridge_rows(layout.state, layout.model.grain_count)
+        begin_attraction(
+            scene, self._laws, contacts, selection.i, selection.j, layout.before, *bridges, dt,
+            selection.faces,
+        )  # fmt: skip
+        scatter_impulses(contacts, lanes.slot, lanes.impulse)
+        attract(
+            scene, contacts, lanes.place, self._motion.inverse, layout.model.shape_factor,
+            lanes.velocity,
+        )  # fmt: skip
+        return float(contacts["attraction"].max(initial=0.0))
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         layout, motion = self._layout, self._motion

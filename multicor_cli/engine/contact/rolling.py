@@ -27,14 +27,6 @@ from multicor_cli.model.model import ContactLaws, Floats, Ints
 # ---- What it is in a step
 
 
-class WarmStart(NamedTuple):
-    """Contacts of the step before, of grain i ``row[i]:row[i+1]``; couples, if any [N m s]."""
-
-    row: NDArray[np.int64]
-    j: Ints
-    couple: Floats
-
-
 @formula
 def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats) -> float:
     """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of all bodies, shape ``(bodies, 4)``."""
@@ -50,14 +42,13 @@ def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats
 
 @kernel
 def begin_rolling(
-    scene: Scene,
-    laws: ContactLaws,
-    start: Floats,
-    warm: WarmStart,
-    ratio: float,
-    contacts: Contacts,
-) -> None:
-    """Rolling resistance into all contacts, **modified**; arguments as `begin_walls`."""
+    scene: Scene, laws: ContactLaws, start: Floats, row: NDArray[np.int64], known_j: Ints,
+    couple: Floats, ratio: float, contacts: Contacts,
+) -> None:  # fmt: skip
+    """Rolling resistance into all contacts, **modified**; arguments as `begin_walls`.
+
+    Contacts of the step before, of grain i ``row[i]:row[i+1]``, had the couples ``couple`` [N m s].
+    """
     for c in range(contacts.size):
         contact = contacts[c]
         i, j = contact.i, contact.j
@@ -67,9 +58,9 @@ def begin_rolling(
             continue
         arm = pair_radius(scene, i, j)
         contact.arm, contact.u_r = arm, _rolling_velocity(scene, i, j, arm, start)
-        for k in range(warm.row[i], warm.row[i + 1]):
-            if warm.j[k] == j:
-                contact.p_r = ratio * warm.couple[k] / arm
+        for k in range(row[i], row[i + 1]):
+            if known_j[k] == j:
+                contact.p_r = ratio * couple[k] / arm
 
 
 @formula
