@@ -11,7 +11,7 @@ from multicor_cli.post.contacts import LoadedContacts
 from multicor_cli.post.cuts import sides_of
 from multicor_cli.post.lattice import Complexes
 from multicor_cli.post.rings import rings_of
-from multicor_cli.post.source import Frame, PostError
+from multicor_cli.post.source import Frame, PostError, rotated
 
 _ROUND = 1e-6  # relative difference of the principal second moments from which on an axis is long
 _AT_CORNER = 5e-3  # of the grain: what is nearer to a corner touches there
@@ -81,18 +81,13 @@ def kinds_of(contacts: LoadedContacts, model: Model, frame: Frame) -> NDArray[np
     arms = (points.arm, points.branch + points.arm)
     for own, (end, arm) in enumerate(zip((points.i, points.j), arms, strict=True)):
         grain = np.asarray(end, np.int64)[between]
-        where = _places(outlines, grain, _turned(arm[between], -np.asarray(frame.angle)[grain]))
+        where = _places(outlines, grain, rotated(arm[between], -np.asarray(frame.angle)[grain]))
         near_corner[own, between], piece[own, between] = where
     alike = (points.normal * points.normal[strongest[of]]).sum(axis=1) > 1.0 - _ROUND
     alike &= (piece == piece[:, strongest[of]]).all(axis=0) & (force > 0.0)
     is_side = np.bincount(of, alike, count) > 1.0
     kind = np.where(is_side, 0, np.where(near_corner[:, strongest].all(axis=0), 2, 1))
     return np.where(contacts.is_wall, -1, kind)
-
-
-def _turned(vectors: Floats, angle: Floats) -> Floats:
-    (x, y), c, s = vectors.T, np.cos(angle), np.sin(angle)
-    return np.column_stack([c * x - s * y, s * x + c * y])
 
 
 def _places(

@@ -6,7 +6,7 @@ import numpy as np
 from scene_parts import FLOOR, make_model
 
 from multicor_cli.engine import Engine, Orders, Settings
-from multicor_cli.model import State, Thermal
+from multicor_cli.model import State
 from multicor_cli.model.measures import measure
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import ShapeKind, WallBody
@@ -99,14 +99,6 @@ def wall_shapes(*parts):
                 numbers = (*numbers[:2], *lines)
             joined.append((kind, wall, numbers))
     return joined
-
-
-def with_heat(model, start=300.0, specific=500.0, *, thickness=0.5):
-    """The model with grains as prisms of a thickness, at temperatures at the start [K]."""
-    start = np.broadcast_to(np.asarray(start, float), (model.grain_count,)).copy()
-    return replace(
-        model, thermal=Thermal(specific * model.grains.mass, start, thickness * model.perimeter)
-    )
 
 
 def scattered(rng, columns, rows, pitch, lowest):

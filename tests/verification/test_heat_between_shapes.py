@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, coupled_engine, frozen_engine, make_heat_laws
+from heat_parts import at_temperature, coupled_engine, frozen_engine, make_heat_laws, with_heat
 from scene_parts import FLOOR
-from shapes import box, disc, outlines_of, regular, rod, shaped_model, wall_line, with_heat
+from shapes import box, disc, outlines_of, regular, rod, shaped_model, wall_line
 
 from multicor_cli.engine.heat.films import SEPARATION
 from multicor_cli.engine.heat.friction import impact_exchange
