@@ -22,8 +22,9 @@ from shapes import (
 )
 from stuck import least_violation, strut
 
-from multicor_cli.engine import Engine, step
+from multicor_cli.engine import Engine
 from multicor_cli.engine.contact import solve
+from multicor_cli.engine.motion import layout
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model import ShapeKind
 
@@ -170,7 +171,7 @@ def test_a_run_that_goes_on_from_a_copy_has_the_same_bits(at):
 
 def test_threads_do_not_matter(monkeypatch):
     """Parallel sweeps and serial ones."""
-    monkeypatch.setattr(step, "PARALLEL_GRAINS", 1)
+    monkeypatch.setattr(layout, "PARALLEL_GRAINS", 1)
     monkeypatch.setattr(solve, "PARALLEL_FROM", 1)
     states = []
     for threads in (1, 2):
