@@ -10,6 +10,7 @@ import inspect
 import math
 import re
 from collections.abc import Iterable
+from typing import Any
 
 
 def printable(text: str) -> str:
@@ -104,6 +105,17 @@ def with_error(mean: float, error: float) -> str:
 def with_unit_signs(text: str) -> str:
     """A heading ``name [unit]`` as people read it."""
     return _UNIT.sub(lambda unit: f"[{unit_sign(unit[1])}]", text)
+
+
+def json_value(value: Any) -> Any:
+    """What JSON can say of a value: lists of arrays, null of numbers that are not finite."""
+    if hasattr(value, "tolist"):  # an array or a number of NumPy
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): json_value(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_value(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def choices(word: str, known: Iterable[str]) -> str:

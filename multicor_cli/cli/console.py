@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import sys
 import time
 from collections import Counter
@@ -13,7 +12,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 from multicor_cli.cli.options import option
-from multicor_cli.text import brief, count_noun, printable
+from multicor_cli.text import brief, count_noun, json_value, printable
 
 if TYPE_CHECKING:
     from multicor_cli.checks import Check
@@ -38,7 +37,7 @@ def emit(text: str) -> None:
 
 def emit_json(data: Any) -> None:
     """The result as JSON, on stdout; numbers that are not finite become null."""
-    print(json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False))
+    print(json.dumps(json_value(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -75,19 +74,6 @@ def format_seconds(seconds: float) -> str:
     if minutes < 48 * 60:
         return f"{minutes // 60} h {minutes % 60:02d} min"
     return f"{minutes / 1440:.1f} days"
-
-
-def _plain(value: Any) -> Any:
-    """Python's own types, with None for numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 # ---- The progress bar of everything that takes a while on a terminal

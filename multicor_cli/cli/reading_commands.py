@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -234,6 +234,21 @@ OverwriteExport = Annotated[
 ]
 
 
+def _export(
+    write: Callable[..., int], directory: Path, output: Path, frames: str | None,
+    is_overwriting: bool,
+) -> None:  # fmt: skip
+    """Write frames of a run to a file or directory, and say so."""
+    chosen = parse_frames(frames)
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run, console.show_progress("frame") as progress:
+        count = write(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
+    files = output.iterdir() if output.is_dir() else [output]
+    size = sum(file.stat().st_size for file in files)
+    console.say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(size)}")
+
+
 def to_gsd(
     directory: RunPath,
     output: GsdFile,
@@ -246,15 +261,9 @@ def to_gsd(
     properties. Where not all grains are discs, there is a particle type for each outline. Needs the
     library gsd.
     """
-    chosen = parse_frames(frames)
     from multicor_cli.export import export_gsd
-    from multicor_cli.store import open_run
 
-    with open_run(directory) as run, console.show_progress("frame") as progress:
-        count = export_gsd(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
-    console.say(
-        f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}"
-    )
+    _export(export_gsd, directory, output, frames, is_overwriting)
 
 
 def to_vtkhdf(
@@ -269,15 +278,9 @@ def to_vtkhdf(
     """
     if output.suffix.lower() != ".vtkhdf":
         raise typer.BadParameter(f"'{output}' does not end in .vtkhdf", param_hint="-o")
-    chosen = parse_frames(frames)
     from multicor_cli.export import export_vtkhdf
-    from multicor_cli.store import open_run
 
-    with open_run(directory) as run, console.show_progress("frame") as progress:
-        count = export_vtkhdf(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
-    console.say(
-        f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}"
-    )
+    _export(export_vtkhdf, directory, output, frames, is_overwriting)
 
 
 def to_csv(
@@ -291,14 +294,9 @@ def to_csv(
 
     Headings carry the units; numbers are written so that reading them gives the same bits.
     """
-    chosen = parse_frames(frames)
     from multicor_cli.export import export_csv
-    from multicor_cli.store import open_run
 
-    with open_run(directory) as run, console.show_progress("frame") as progress:
-        count = export_csv(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
-    size = sum(file.stat().st_size for file in output.iterdir())
-    console.say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(size)}")
+    _export(export_csv, directory, output, frames, is_overwriting)
 
 
 def to_fclib(

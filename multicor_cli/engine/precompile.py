@@ -246,11 +246,7 @@ def _one_grain(*, has_shapes: bool) -> Model:
         shapes=WallShapes(index, index, np.ones((1, 4)), index),
         walls=Walls(("wall",), one, one, np.zeros(1, np.bool_), one),
         laws=ContactLaws(zero[None], zero[None], index[None] - 1, index, np.empty(0), np.empty(0)),
-        materials=("stuff",),
-        groups=("grains",),
-        period=100.0,
-        gravity=np.zeros(2),
-        shape_factor=2.0,
-        thermal=Thermal(one, one, one),
+        materials=("stuff",), groups=("grains",), period=100.0, gravity=np.zeros(2),
+        shape_factor=2.0, thermal=Thermal(one, one, one),
         outlines=Outlines.of([[(triangle, 0.0)]], one, one) if has_shapes else None,
-    )
+    )  # fmt: skip

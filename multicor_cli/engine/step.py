@@ -7,15 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property
-from typing import NamedTuple, NoReturn
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.adhesion import (
     attract,
     begin_attraction,
@@ -26,10 +23,7 @@ from multicor_cli.engine.contact.adhesion import (
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     Speeds,
-    WarmStart,
-    begin_rolling,
     begin_walls,
-    couples_of,
     scatter_impulses,
     vary_friction,
     warm_rows,
@@ -40,23 +34,12 @@ from multicor_cli.engine.contact.faces import (
     closed_beyond,
     stop_rebounds,
 )
-from multicor_cli.engine.contact.flight import (
-    SOLVED,
-    Flight,
-    fly,
-    leave_flights_out,
-)
-from multicor_cli.engine.contact.impacts import are_contacts, convected_by
-from multicor_cli.engine.contact.meetings import Walls
+from multicor_cli.engine.contact.flight import leave_flights_out
+from multicor_cli.engine.contact.impacts import are_contacts
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
+from multicor_cli.engine.contact.rolling import begin_rolling, couples_of
 from multicor_cli.engine.contact.selection import AHEAD, LASTS, SKIN, Selection
-from multicor_cli.engine.contact.solve import (
-    LEAST_LOSS,
-    Outcome,
-    ResidualScale,
-    ThreadChoice,
-    solve_system,
-)
+from multicor_cli.engine.contact.solve import Outcome, ResidualScale, solve_system
 from multicor_cli.engine.contact.system import (
     Moved,
     OrderedSystem,
@@ -76,156 +59,34 @@ from multicor_cli.engine.energy.account import (
     switch_wall_kinetic,
 )
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
-from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, resize_grains, turned
+from multicor_cli.engine.geometry.outlines import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.heat.walls import WallHeat, begin_bodies
 from multicor_cli.engine.inflow.population import Population
 from multicor_cli.engine.inflow.rules import InflowRules
-from multicor_cli.engine.jit.threads import PARALLEL_GRAINS, use_threads
-from multicor_cli.engine.motion.cell import (
-    carry,
-    carry_to_middle,
-    convect,
-    sides_at_end,
-    sides_at_middle,
-    wrap_cell,
-)
+from multicor_cli.engine.jit.threads import use_threads
+from multicor_cli.engine.motion.cell import carry, sides_at_end, wrap_cell
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
-from multicor_cli.engine.motion.growth import (
-    Lanes,
-    grow,
-    push,
-    push_points,
-    shed,
-    turn_slower,
-    work_at_points,
-    work_of_growth,
-    worn_sizes,
-)
-from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
-from multicor_cli.engine.motion.separation import (
-    ALLOWED,
-    Correction,
-    correct_positions,
-    reach_of,
-)
-from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
+from multicor_cli.engine.motion.layout import Layout
+from multicor_cli.engine.motion.moves import are_sound, move, wrap
+from multicor_cli.engine.motion.prediction import Prediction, Predictor, refuse_state
+from multicor_cli.engine.motion.separation import ALLOWED, Correction, correct_positions, reach_of
 from multicor_cli.engine.motion.walls import WallMotion
-from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
+from multicor_cli.engine.orders import Interrupted, Orders, StepReport
 from multicor_cli.model.cell import mean_flow
-from multicor_cli.model.columns import BELT, SPIN, SURFACE
+from multicor_cli.model.columns import SPIN, SURFACE
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
-from multicor_cli.model.state import State, find_absurd_value
+from multicor_cli.model.state import State
 
-SLIPS_RMS, SLIPS = 50.0, 10.0
-"""Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 NEAREST = 0.01
 """Gap up to which points of pairs with corners always count, over the mean diameter."""
-MOST_WORN = 0.5
-"""Largest part of its volume that a grain may lose."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
-_NO_FLOW = np.zeros(3)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
-
-
-class Layout:
-    """What a step works on, made for the grains that are present: rebuilt when one comes or goes.
-
-    No result depends on how long a layout has been in use.
-
-    Attributes:
-        newcomers: Grains that have had no step yet.
-        threads: Number of threads that may be used; ``threading`` says how many of them pay.
-        mass: Mass of all these grains [kg].
-        middle: q_m, shape ``(n, 3)``.
-        before: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
-        free: The same with their free velocities.
-        unworn: The model with the grains as they were at the start of the run; those in ``model``
-            have other radii and masses where they expand or wear.
-        worn: Part of their volume that they have lost, shape ``(n,)``.
-        marked: Work space of the position correction, shape ``(n,)``.
-        pieces: Pieces of grains that are no discs, and of the walls, at angle 0; or None.
-    """
-
-    def __init__(
-        self, model: Model, state: State, newcomers: NDArray[np.int64], threads: int
-    ) -> None:
-        n, w = model.grain_count, model.wall_count
-        self.model, self.state, self.newcomers = model, state, newcomers
-        self.threads = threads if n >= PARALLEL_GRAINS else 1
-        self.threading = ThreadChoice(self.threads)
-        self.unworn, self.worn = model, np.zeros(0)
-        if state.radius.size:  # of their own: they follow the temperatures
-            self.worn = model.worn_share(state.wear)
-            self.model = model.with_radius(state.radius.copy(), self.worn)
-            self.model.__dict__["mean_diameter"] = model.mean_diameter  # lengths that stay
-        self.mass = total(model.grains.mass)
-        self.middle = np.empty((n, 3))
-        self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
-        self.marked = np.zeros(n, np.bool_)
-        self.pieces = pieces_of(model)
-        self._at_start = self.pieces
-        if self.pieces is not None and state.radius.size:
-            corner, rounding, spin = (
-                part.copy() for part in (self.pieces.corner, self.pieces.rounding, self.pieces.spin)
-            )
-            self.pieces = self.pieces._replace(corner=corner, rounding=rounding, spin=spin)
-            self.model.__dict__["spin_radius"] = spin
-            self.note_radii()
-
-    def note_radii(self) -> None:
-        """Let outlines follow the radii of the model, which have changed."""
-        initial, radius = self.unworn.grains.radius, self.model.grains.radius
-        if self.pieces is not None and self._at_start is not None:
-            resize_grains(self._at_start, initial, radius, self.pieces)
-            self.model.__dict__["disc_radius"] = np.where(
-                self.pieces.is_face, self.unworn.disc_radius * (radius / initial), radius
-            )
-
-    @cached_property
-    def pairs(self) -> NeighborList:
-        return NeighborList(self.model)
-
-    @cached_property
-    def selection(self) -> Selection:
-        """Contacts, and what lasts with them."""
-        return Selection(self.model, self.pairs, self.pieces)
-
-
-class Prediction(NamedTuple):
-    """A step before its contacts are known.
-
-    Attributes:
-        gravity: Acceleration of gravity in the middle of the step [m/s²], shape ``(2,)``.
-        scene: Shapes at q_m.
-        cutoff: A gap that no pair closes, as far as velocities before the solve tell [m].
-        shift_work: Of gravity, where grains that something stopped are not where they would be at
-            q_m [J].
-        flight: Flights, and impacts before the solve; or None.
-        convected: Δt Σ m c⊗c of the grains of a cell: xx, yy, xy [J s]; else of size 0.
-        growth: Rates at which the radii of the grains grow [m/s], shape ``(n,)``; else of size 0.
-        spin: Their spins with these radii [rad/s], likewise; ``spun`` is the kinetic energy that
-            they gain [J].
-        pieces: Pieces of grains that are no discs, as they lie at q_m; or None.
-    """
-
-    dt: float
-    gravity: Floats
-    scene: Scene
-    cutoff: float
-    shift_work: float = 0.0
-    flight: Flight | None = None
-    convected: Floats = _NONE
-    growth: Floats = _NONE
-    spin: Floats = _NONE
-    spun: float = 0.0
-    pieces: Pieces | None = None
 
 
 class Engine:
@@ -365,7 +226,7 @@ class Engine:
             report = self._stand_still() if is_frozen else self._move(dt, t, should_stop)
             self._pass_heat(dt, t, should_stop)
             if self.model.sheds:
-                self._shed()
+                book_worn(state, self._layout.shed())
         except Interrupted:
             if self._population is not None and self._population.go_back():
                 self._lay_out()
@@ -559,6 +420,14 @@ class Engine:
         outcome.require_convergence(self.orders.settings, state.step)
         return self._end(step, contacts, after, outcome, cutoff)
 
+    def _predict(self, dt: float, t: float) -> Prediction:
+        temperature = np.empty(0)
+        if self._heat is not None and self._laws.depends_on_temperature:
+            temperature = self._heat.shape_temperatures(t)
+        return Predictor(self._layout, self._motion, self._laws).predict(
+            self._gravity.value(t + 0.5 * dt), temperature, dt, t
+        )
+
     def _end(
         self, step: Prediction, contacts: Contacts, after: Floats, outcome: Outcome, cutoff: float
     ) -> StepReport:
@@ -570,10 +439,10 @@ class Engine:
         began = state.position[struck]
         gradient = state.wall_velocity[0] if self.model.is_cell else _NONE
         strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
-        expansion_work = 0.0
-        if step.growth.size:
-            state.radius[:], state.velocity[:, SPIN] = grains.radius, step.spin
-            expansion_work = step.spun + self._work_of_growth(step, contacts)
+        growth, expansion_work = step.growth, 0.0
+        if growth is not None:
+            state.radius[:], state.velocity[:, SPIN] = grains.radius, growth.velocity[:, SPIN]
+            expansion_work = growth.spun + layout.work_of_growth(growth.rate, dt, contacts)
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, layout.model.spin_radius, grains.mass,
             step.gravity, self.model.shape_factor, dt, state.position, state.velocity,
@@ -588,7 +457,7 @@ class Engine:
         elif struck.size:
             strayed[struck] = (state.position[struck] - began)[:, :2]
         if not math.isfinite(kinetic):
-            self._refuse_state()
+            refuse_state(layout)
         wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
         self._move_walls(step.scene.wall_position, wall_after, dt)
         self._clock("move")
@@ -628,212 +497,16 @@ class Engine:
         )  # fmt: skip
 
     def _move_walls_alone(self, dt: float, t: float) -> StepReport:
-        state, motion, w = self._layout.state, self._motion, self.model.wall_count
+        layout, motion, w = self._layout, self._motion, self.model.wall_count
+        state = layout.state
         walls = motion.predict(state, self._gravity.value(t + 0.5 * dt), t, dt)
         if not are_sound(walls, motion.before, state.wall_position, motion.belt_before):
-            self._refuse_state()
+            refuse_state(layout)
         self._move_walls(state.wall_position + 0.5 * dt * motion.before, walls, dt)
         sums = ContactSums(np.zeros(SUMS), np.zeros((w, 3)), np.zeros(w), 0.0)
         book_step(state, motion, sums, 0.0, 0.0, _NOTHING_TO_CORRECT, _NOTHING_TO_SOLVE, dt)
         state.last_dt = dt
         return StepReport(0.0, True, 0.0, 0.0, 0.0, 0, 0, 0.0, sums.wall_impulse)
-
-    def _predict(self, dt: float, t: float) -> Prediction:
-        """Mid-step positions and free velocities, into the layout."""
-        layout, motion = self._layout, self._motion
-        state, model = layout.state, layout.model
-        n, grains = model.grain_count, model.grains
-        gravity = self._gravity.value(t + 0.5 * dt)
-        velocity, growth, spun = state.velocity, _NONE, 0.0
-        if state.radius.size:
-            velocity, growth, spun = self._grow(dt)
-        is_sound = predict(
-            state.position, velocity, model.spin_radius, grains.mass, gravity, dt,
-            layout.middle, layout.before, layout.free,
-        )  # fmt: skip
-        walls = motion.predict(state, gravity, t, dt)
-        middle, convected = state.wall_position + 0.5 * dt * motion.before, _NONE
-        temperature, flight = _NONE, None
-        if self._heat is not None and self._laws.depends_on_temperature:
-            temperature = self._heat.shape_temperatures(t)
-        if model.is_cell:
-            gradient = state.wall_velocity[0]
-            carry_to_middle(layout.middle, gradient, 0.5 * dt)
-            middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
-            flight = self._fly_in_cell(middle, temperature, walls, dt)
-            gained, convected = convect(
-                grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
-                layout.free,
-            )  # fmt: skip
-            walls += gained - motion.before
-            motion.before[0] = gained
-            if flight is not None:
-                convected += convected_by(flight.impacts, 0.5 * (walls[0] - motion.before[0]))
-        layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
-        layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
-        if not (
-            is_sound and are_sound(walls, motion.before, state.wall_position, motion.belt_before)
-        ):
-            self._refuse_state()
-        scene = scene_of(model, layout.middle, middle, temperature)
-        cutoff = self._cutoff_before(scene, gravity, walls, dt)
-        step = Prediction(
-            dt, gravity, scene, cutoff, 0.0, flight, convected, growth, velocity[:, SPIN], spun,
-            None if layout.pieces is None else turned(layout.pieces, scene),
-        )  # fmt: skip
-        if model.is_cell:  # in which nothing moves by itself
-            return step
-        step = self._fly(step, walls)
-        seen = 0.0 if state.step == state.frozen_steps else state.last_dt
-        strangers = layout.newcomers
-        if step.flight is not None and step.flight.unseen.size:
-            strangers = np.concatenate((strangers, step.flight.unseen))
-        unseen = find_unseen(state, strangers, model, motion, dt, seen)
-        if unseen is None:
-            return step
-        layout.pairs.update(scene, step.cutoff)
-        flying = None if step.flight is None else step.flight.flying
-        stopped = stop_unseen(state, model, motion, unseen, flying, layout.pairs, dt, layout.middle)
-        if stopped is None:
-            return step
-        work = step.shift_work + total(model.grains.mass[:, np.newaxis] * gravity * stopped)
-        return step._replace(shift_work=work, cutoff=self._cutoff_before(scene, gravity, walls, dt))
-
-    def _grow(self, dt: float) -> tuple[Floats, Floats, float]:
-        """Radii of the grains at their temperatures, into the model of the layout.
-
-        Returns velocities of the grains then, the rates of growth, and what spins gain [J].
-        """
-        layout, state, expansion = self._layout, self._layout.state, self.model.expansion
-        grains, thermal = layout.model.grains, layout.model.thermal
-        assert thermal is not None
-        initial = layout.unworn.grains.radius
-        if self.model.sheds:
-            initial = initial * worn_sizes(layout.worn, self.model.dimension)
-        radius, rate = grains.radius, np.empty(initial.size)
-        rise = expansion[grains.material] * (state.heat / thermal.capacity)
-        grow(initial, rise, state.radius, radius, dt, rate)
-        layout.pairs.note_radii(radius)
-        layout.note_radii()
-        velocity, spun = turn_slower(
-            state.velocity, grains.mass, state.radius, radius, layout.model.spin_radius,
-            layout.model.shape_factor,
-        )  # fmt: skip
-        return velocity, rate, spun
-
-    def _work_of_growth(self, step: Prediction, contacts: Contacts) -> float:
-        """Work of grains that grow on all their contacts [J]."""
-        layout, selection = self._layout, self._layout.selection
-        work = work_of_growth(
-            step.growth, step.dt, selection.i, selection.j, Lanes.of(selection.lanes), contacts
-        )
-        if layout.pieces is not None:
-            work += work_at_points(
-                step.growth, layout.model.grains.radius, layout.pieces.spin, step.dt,
-                selection.faces, contacts,
-            )  # fmt: skip
-        return work
-
-    def _shed(self) -> None:
-        """Grains lose what has worn off in the step, and with it mass, size and motion."""
-        layout, state = self._layout, self._layout.state
-        share, model = layout.unworn.worn_share(state.wear), layout.model
-        if (share > MOST_WORN).any():
-            k = int(np.argmax(share))
-            what = f"{model.name_of(k)} has lost {100.0 * share[k]:.3g} % of its volume by wear"
-            raise PhysicsError(state.step, f"{what}; lower wear, or let it keep its size")
-        dimension = model.dimension
-        smaller = worn_sizes(share, dimension) / worn_sizes(layout.worn, dimension)
-        lost = shed(
-            state.velocity, layout.unworn.grains.mass, share, smaller, model.grains.mass,
-            state.radius, model.spin_radius.copy(), model.shape_factor,
-        )  # fmt: skip
-        model.grains.radius[:] = state.radius
-        layout.note_radii()
-        layout.worn, layout.mass = share, total(model.grains.mass)
-        book_worn(state, lost)
-
-    def _fly(self, step: Prediction, walls: Floats) -> Prediction:
-        """Impacts of what flies: other starts of these grains, in the layout too."""
-        flight = self._find_flights(step, walls, _NO_FLOW) if self._may_fly else None
-        if flight is not None and (flight.flying.any() or flight.unseen.size):
-            step = step._replace(flight=flight)
-            if flight.impacts.i.size:
-                cutoff = self._cutoff_before(step.scene, step.gravity, walls, step.dt)
-                step = step._replace(cutoff=cutoff)
-        return step
-
-    def _fly_in_cell(
-        self, middle: Floats, temperature: Floats, walls: Floats, dt: float
-    ) -> Flight | None:
-        """As `_fly`, of a cell, before convection: with real velocities grains fly straight.
-
-        What a stress drives gives way to all impacts at once: there nobody flies.
-        """
-        layout, state = self._layout, self._layout.state
-        if not self._may_fly or self._motion.is_free[0]:
-            return None
-        scene = scene_of(layout.model, layout.middle, middle, temperature)
-        step = Prediction(dt, _NO_FALL, scene, self._cutoff_before(scene, _NO_FALL, walls, dt))
-        gradient, grains = state.wall_velocity[0], layout.before[: layout.model.grain_count, :2]
-        peculiar = grains.copy()
-        grains += mean_flow(state.position, gradient)
-        flight = self._find_flights(step, walls, gradient)
-        struck = flight.struck
-        real, grains[:] = grains[struck], peculiar
-        if struck.size:
-            place = layout.middle[struck, :2] - 0.5 * dt * real
-            grains[struck] = real - mean_flow(place, gradient)
-            place += 0.5 * dt * grains[struck]
-            carry_to_middle(place, gradient, 0.5 * dt)
-            layout.middle[struck, :2] = place
-        return flight if flight.flying.any() else None
-
-    @property
-    def _may_fly(self) -> bool:
-        laws = self._laws
-        stays = laws.adhesion.size or laws.rolling.size or self.model.outlines is not None
-        return bool(laws.restitution.any()) and not stays
-
-    def _find_flights(self, step: Prediction, walls: Floats, flow: Floats) -> Flight:
-        """Flights, whose grains have other starts in the layout after impacts."""
-        layout, motion = self._layout, self._motion
-        state, model = layout.state, layout.model
-        laws, dt, gravity = self._laws, step.dt, step.gravity
-        start = scene_of(model, state.position, state.wall_position, step.scene.temperature)
-        # As the cutoff, while a solve would count a contact
-        moved = SOLVED / AHEAD * step.cutoff + dt * dt * hypot(*gravity.tolist())
-        layout.pairs.update(start, moved)
-        mean = Walls(
-            model.shapes.geometry, state.wall_position, 0.5 * (motion.before + walls),
-            0.5 * (motion.belt_before + motion.belt), motion.is_free,
-        )  # fmt: skip
-        while True:
-            flight = fly(
-                start, flow, laws, mean, state.contact_i, state.contact_j, layout.pairs.row,
-                layout.pairs.partner, layout.pairs.around, gravity, dt, model.shape_factor, moved,
-                layout.pairs.complete, layout.middle, layout.before, layout.free,
-            )  # fmt: skip
-            if flight.reach <= layout.pairs.complete:
-                return flight
-            # What impacts have made faster may reach farther
-            layout.pairs.update(start, 1.2 * flight.reach)
-
-    def _refuse_state(self) -> NoReturn:
-        state = self._layout.state
-        raise PhysicsError(
-            state.step, find_absurd_value(state, self._layout.model) or "a velocity is not finite"
-        )
-
-    def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
-        """A gap that no pair closes in `AHEAD` steps [m], as velocities before the solve tell."""
-        layout, motion = self._layout, self._motion
-        fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
-        cutoff = cutoff_of_velocities(
-            scene, layout.free, fall, motion.before, walls, motion.extent, AHEAD * dt,
-            layout.pairs.largest,
-        )  # fmt: skip
-        return max(cutoff, longest_reach(self._laws))
 
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
@@ -928,33 +601,19 @@ class Engine:
                 selection.faces, selection.faces.most, stopped, contacts,
             )  # fmt: skip
         opening = None
-        if step.growth.size:
-            opening = push(step.growth, dt, i, j, Lanes.of(lanes), contacts)
-            if faces is not None:
-                assert layout.pieces is not None
-                of_points = push_points(
-                    step.growth, layout.model.grains.radius, layout.pieces.spin, dt,
-                    selection.faces, contacts,
-                )  # fmt: skip
-                opening = Speeds(*map(sum, zip(opening, of_points, strict=True)))
+        if step.growth is not None:
+            opening = layout.push(step.growth.rate, dt, contacts)
         if laws.softening_rate.size or laws.table_speed.size or laws.flash_speed.size:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
+        attraction = self._begin_adhesion(scene, dt) if laws.adhesion.size else 0.0
+        if laws.rolling.size:
             row = warm_rows(layout.model.grain_count, state.contact_i)
-            warm = WarmStart(row, state.contact_j, state.contact_couple)
-            if laws.adhesion.size:
-                bridges = bridge_rows(state, layout.model.grain_count)
-                begin_attraction(scene, laws, contacts, i, j, start, *bridges, dt, selection.faces)
-                scatter_impulses(contacts, lanes.slot, lanes.impulse)
-                attract(
-                    scene, contacts, lanes.place, self._motion.inverse, layout.model.shape_factor,
-                    lanes.velocity,
-                )  # fmt: skip
-            if laws.rolling.size:
-                begin_rolling(scene, laws, start, warm, ratio, contacts)
-                contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
-        attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
+            begin_rolling(
+                scene, laws, start, row, state.contact_j, state.contact_couple, ratio, contacts
+            )
+            contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
         speeds, is_solved = [grains, walls], True
         closing = grains.closing or walls.closing or (faces is not None and faces.closing)
         if opening is not None and not closing:
@@ -968,12 +627,33 @@ class Engine:
             )  # fmt: skip
             speeds.append(step.flight.speeds)
             is_solved = left > 0
-        scale = self._scale(step, attraction, *map(sum, zip(*speeds, strict=True)))
+        model = layout.model
+        scale = ResidualScale.of(
+            Speeds(*map(sum, zip(*speeds, strict=True))), layout.mass, model.grain_count,
+            dt * hypot(*step.gravity.tolist()),
+            dt * self._motion.pressure() * model.mean_diameter, attraction, laws.restitution,
+        )  # fmt: skip
         if scale.velocity == 0.0 or not is_solved:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
         return contacts, scale, is_solved, lacking, beyond
+
+    def _begin_adhesion(self, scene: Scene, dt: float) -> float:
+        """Attraction into all contacts and free velocities; returns the largest F Δt [N s]."""
+        layout, selection = self._layout, self._layout.selection
+        contacts, lanes = selection.contacts, selection.lanes
+        bridges = bridge_rows(layout.state, layout.model.grain_count)
+        begin_attraction(
+            scene, self._laws, contacts, selection.i, selection.j, layout.before, *bridges, dt,
+            selection.faces,
+        )  # fmt: skip
+        scatter_impulses(contacts, lanes.slot, lanes.impulse)
+        attract(
+            scene, contacts, lanes.place, self._motion.inverse, layout.model.shape_factor,
+            lanes.velocity,
+        )  # fmt: skip
+        return float(contacts["attraction"].max(initial=0.0))
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         layout, motion = self._layout, self._motion
@@ -1029,43 +709,6 @@ class Engine:
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]
             sums.wall_impulse[0] = of_contacts + step.convected
         return sums, overlaps
-
-    def _scale(
-        self,
-        step: Prediction,
-        attraction: float,
-        squares: float,
-        closing: float,
-        slip: float,
-        loaded: float,
-        motion: float,
-        met: float,
-    ) -> ResidualScale:
-        """What residuals are measured against (theory §5.3).
-
-        Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
-        the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
-        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load
-        ``attraction``/m̄ stands in for them, the largest F Δt of a contact [N s] over m̄. What
-        follows are the sums of `Speeds`.
-        """
-        layout, model = self._layout, self._layout.model
-        mean_mass = layout.mass / model.grain_count
-        weight = step.dt * hypot(*step.gravity.tolist())
-        pressure = step.dt * self._motion.pressure() * model.mean_diameter / mean_mass
-        load = max(
-            max(weight, pressure) or attraction / mean_mass,
-            math.sqrt(squares / closing) if closing else 0.0,
-        )
-        mean_slip = slip / loaded if loaded else 0.0
-        reference = max(load, SLIPS * mean_slip)
-        energy = 0.5 * layout.mass * ((load or reference) * reference)
-        bounce = float(self._laws.restitution.max()) if closing else 0.0
-        lost = max(1.0 - bounce * bounce, LEAST_LOSS)
-        return ResidualScale(
-            max(load, SLIPS_RMS * mean_slip), reference, energy,
-            motion / met if met else math.inf, load, lost,
-        )  # fmt: skip
 
     def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
         state = self._layout.state

@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 from multicor_cli.export.target import ExportError, check_output, choose_frames
 from multicor_cli.post.rings import Rings, rings_of
 from multicor_cli.store import Frame, Run, schema
-from multicor_cli.store.atomic import (
-    GuardedFile,
-    commit_file,
-    make_directory,
-    temporary_beside,
-)
+from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
 from multicor_cli.store.errors import StorageError
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.vtkhdf import TOPOLOGIES, Growing, begin_view, write_no_cells

@@ -135,11 +135,7 @@ class _Press:
 
 
 def _press(
-    grains: InitialGrains,
-    mass: Floats,
-    region: PackingRegion,
-    shape: Shape,
-    friction: float,
+    grains: InitialGrains, mass: Floats, region: PackingRegion, shape: Shape, friction: float
 ) -> tuple[Model, State]:
     """Grains between a floor and a lid, with sides unless the region is periodic."""
     names = ["floor", "lid"]

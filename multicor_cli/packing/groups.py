@@ -15,13 +15,7 @@ from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.file import read_frame, read_grains
-from multicor_cli.packing.forms import (
-    MakeForms,
-    angles_of,
-    forms_of,
-    outlined_as_drawn,
-    turned,
-)
+from multicor_cli.packing.forms import MakeForms, angles_of, forms_of, outlined_as_drawn, turned
 from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, masses
 from multicor_cli.packing.lattice import lay_out, repeat_tile
 from multicor_cli.packing.placing import deposit

@@ -172,8 +172,7 @@ def lognormal_sizes(
         (arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma
     )
     return ContinuousSizes(
-        lambda level: np.clip(arrays.exp(center + sigma * score(level)), smallest, largest),
-        largest,
+        lambda level: np.clip(arrays.exp(center + sigma * score(level)), smallest, largest), largest
     )
 
 

@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.grain_map import (
-    clip_to_cell,
-    draw_grains,
-    draw_walls,
-    place_scene,
-)
+from multicor_cli.plots.grain_map import clip_to_cell, draw_grains, draw_walls, place_scene
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,

@@ -335,11 +335,7 @@ def color_scale(table: GrainMap, ends: Ends | None = None) -> tuple[Any, str]:
 
 
 def map_text(
-    table: GrainMap,
-    terminal: Terminal,
-    *,
-    has_streamlines: bool = True,
-    ends: Ends | None = None,
+    table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True, ends: Ends | None = None
 ) -> str:
     """A map as a picture, with its range of values; raises `MissingLibrary` without matplotlib."""
     norm, _ = color_scale(table, ends)
@@ -401,10 +397,4 @@ def _draw_placed(
     draw_map(place, table, has_streamlines=has_streamlines, ends=ends)
 
 
-FIGURES = {
-    GrainMap: Renderer(
-        lambda _: (COLUMN, COLUMN),
-        _draw_placed,
-        map_text,
-    )
-}
+FIGURES = {GrainMap: Renderer(lambda _: (COLUMN, COLUMN), _draw_placed, map_text)}

@@ -160,6 +160,19 @@ def draw_charts(charts: Iterable[tuple[str, list[TextLine]]]) -> str:
     return "\n\n".join(drawn)
 
 
+def _charts_of(table: TimeTable, charts: Iterable[tuple[str, Iterable[tuple[str, str]]]]) -> str:
+    """As `draw_charts`, of values of a table: their names, and what the lines are called."""
+    return draw_charts(
+        (label, [TextLine(text, table.time, table.values[name]) for name, text in lines])
+        for label, lines in charts
+    )
+
+
+def _by_end(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Values called by the ends of their names, xx or yy, if there are several."""
+    return [(name, name[-2:] if names[1:] else "") for name in names]
+
+
 # ---- What has flowed through a line, summed over time
 
 
@@ -292,10 +305,7 @@ def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: st
 def rheology_text(table: Rheology | CellRheology, _terminal: Terminal) -> str:
     """A rheology over time, one low chart for each kind of quantity."""
     charts = _CHARTS_OF_CELL if isinstance(table, CellRheology) else _CHARTS_OF_RHEOLOGY
-    return draw_charts(
-        (label, [TextLine(text, table.time, table.values[name]) for name, text in lines])
-        for label, lines in charts
-    )
+    return _charts_of(table, charts)
 
 
 # ---- What is in a region over time, in the same way
@@ -328,20 +338,18 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
         ("solid fraction nu [–]", ("solid_fraction",)),
         ("contact stress [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
     )
-    return draw_charts(
-        (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
+    shown = (
+        (label, _by_end(names))
         for label, names in charts
         if any(np.isfinite(table.values[name]).any() for name in names)
     )
+    return _charts_of(table, shown)
 
 
 # ---- How a packing conducts over time, in the same way
 
 _OF_CONDUCTIVITY: Panels = (
-    (
-        "of a square $K$ [W/K]",
-        tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy")),
-    ),
+    ("of a square $K$ [W/K]", tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy"))),
     ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
     ("$K/H$ [–]", (("over_contact", ""),)),
     (r"$K/K_\mathrm{lin}$ [–]", (("over_linear", ""),)),
@@ -364,10 +372,7 @@ def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
         ("K/H [–]", ("over_contact",)),
         (_CONTACTS, ("coordination",)),
     )
-    return draw_charts(
-        (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
-        for label, names in charts
-    )
+    return _charts_of(table, ((label, _by_end(names)) for label, names in charts))
 
 
 _OF_LAYER: Panels = (
@@ -381,10 +386,7 @@ _OF_LAYER: Panels = (
     ("joined to the walls [–]", (("joined", ""),)),
 )
 _OF_LAYER_FLOW: Panels = (
-    (
-        "heat flow [W]",
-        (("flow", "through"), ("stored", "stored")),
-    ),
+    ("heat flow [W]", (("flow", "through"), ("stored", "stored"))),
     (r"$\Delta T$ [K]", (("difference", ""),)),
     ("of a square $K$ [W/K]", (("flow_square", ""),)),
     ("stored over through [–]", (("unsteadiness", ""),)),
@@ -401,10 +403,7 @@ def draw_layer(figure: Any, table: LayerConductivity) -> None:
 def layer_text(table: LayerConductivity, _terminal: Terminal) -> str:
     """Conductance of a layer and its contacts over time, in low charts."""
     charts = (("of a square [W/K]", ("square", "square_bulk")), (_CONTACTS, ("coordination",)))
-    return draw_charts(
-        (label, [TextLine(name, table.time, table.values[name]) for name in names])
-        for label, names in charts
-    )
+    return _charts_of(table, ((label, [(n, n) for n in names]) for label, names in charts))
 
 
 def _limit_shares(panel: Any) -> None:
@@ -425,10 +424,7 @@ def draw_layer_flow(figure: Any, table: LayerFlow) -> None:
 def layer_flow_text(table: LayerFlow, _terminal: Terminal) -> str:
     """Flows and conductance over time, in low charts."""
     charts = (("heat flow [W]", ("flow", "stored")), ("of a square [W/K]", ("flow_square",)))
-    return draw_charts(
-        (label, [TextLine(name, table.time, table.values[name]) for name in names])
-        for label, names in charts
-    )
+    return _charts_of(table, ((label, [(n, n) for n in names]) for label, names in charts))
 
 
 # ---- Heat transfer between walls and a bed over time, in the same way
@@ -463,22 +459,16 @@ def draw_wall_heat(figure: Any, table: WallHeatTable) -> None:
 def wall_heat_text(table: WallHeatTable, _terminal: Terminal) -> str:
     """Coefficients and temperature differences over time, in low charts."""
     charts = (("h [W/(m² K)]", "coefficient"), ("wall less bed [K]", "difference"))
-    return draw_charts(
-        (
-            label,
-            [TextLine(wall, table.time, table.values[f"{wall}: {name}"]) for wall in table.walls],
-        )
-        for label, name in charts
+    return _charts_of(
+        table,
+        ((label, [(f"{wall}: {name}", wall) for wall in table.walls]) for label, name in charts),
     )
 
 
 # ---- Mean heat flux over time, in the same way
 
 _OF_FLUX: Panels = (
-    (
-        "of a square $K$ [W/K]",
-        (("along", r"along $G$"), ("across", r"across $G$")),
-    ),
+    ("of a square $K$ [W/K]", (("along", r"along $G$"), ("across", r"across $G$"))),
     _SHARES,
     (
         "diffusivity [m²/s]",
@@ -498,9 +488,7 @@ def draw_mean_heat(figure: Any, table: MeanHeat) -> None:
 def mean_heat_text(table: MeanHeat, _terminal: Terminal) -> str:
     """Conductance and its share of motion over time, in low charts."""
     charts = (("along G, of a square [W/K]", "along"), ("share of motion [–]", "share_motion"))
-    return draw_charts(
-        (label, [TextLine("", table.time, table.values[name])]) for label, name in charts
-    )
+    return _charts_of(table, ((label, [(name, "")]) for label, name in charts))
 
 
 FIGURES = {

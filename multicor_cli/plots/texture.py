@@ -217,8 +217,7 @@ FIGURES = {
     ChainMap: Renderer(
         lambda _: (COLUMN, COLUMN),
         lambda figure, table: draw_chains(
-            place_scene(figure, table.network.scene, has_bar=False, top=LEGEND + TITLE).axes,
-            table,
+            place_scene(figure, table.network.scene, has_bar=False, top=LEGEND + TITLE).axes, table
         ),
         chains_text,
     ),

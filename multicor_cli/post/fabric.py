@@ -179,11 +179,7 @@ def _lengths(contacts: LoadedContacts) -> Floats:
 
 
 def _of_shapes(
-    contacts: LoadedContacts,
-    counted: NDArray[np.bool_],
-    model: Model,
-    frame: Frame,
-    bulk: Bulk,
+    contacts: LoadedContacts, counted: NDArray[np.bool_], model: Model, frame: Frame, bulk: Bulk
 ) -> dict[str, float]:
     """`OF_SHAPES` but for anisotropies, as far as there are any."""
     found = {}

@@ -296,9 +296,7 @@ def _most_rows(numbers: int) -> int:
 
 
 def _errors(
-    blocks: Blocks,
-    derive: Callable[[Floats], dict[str, Floats]],
-    names: Sequence[str],
+    blocks: Blocks, derive: Callable[[Floats], dict[str, Floats]], names: Sequence[str]
 ) -> dict[str, Floats]:
     """Standard errors of every field from what each block of frames adds to it."""
     count, size = len(blocks.rows), blocks.size

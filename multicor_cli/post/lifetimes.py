@@ -101,10 +101,7 @@ def lifetimes(
         raise PostError("there is no contact in these frames: choose others")
     histories = [_History.of(found, kind, everyone) for kind in range(len(KINDS))]
     counts = {kind: history.survivors(lags) for kind, history in zip(KINDS, histories, strict=True)}
-    columns = [
-        Column("lag", "s", _over(times, lags)),
-        Column("strain", "1", _over(strain, lags)),
-    ]
+    columns = [Column("lag", "s", _over(times, lags)), Column("strain", "1", _over(strain, lags))]
     for name in (KINDS[0], "again", *KINDS[1:]):
         kept, began = counts[KINDS[0] if name == "again" else name]
         mean, error = _average(kept[1 if name == "again" else 0], began, lags)

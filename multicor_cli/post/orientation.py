@@ -13,7 +13,7 @@ from multicor_cli.post.contacts import LoadedContacts
 from multicor_cli.post.cuts import sides_of
 from multicor_cli.post.lattice import Complexes
 from multicor_cli.post.rings import rings_of
-from multicor_cli.post.source import Frame, PostError
+from multicor_cli.post.source import Frame, PostError, rotated
 
 _ROUND = 1e-6  # relative difference of the principal second moments from which on an axis is long
 _AT_CORNER = 5e-3  # of the grain: what is nearer to a corner touches there
@@ -89,11 +89,6 @@ def kinds_of(contacts: LoadedContacts, model: Model, frame: Frame) -> NDArray[np
     return np.where(contacts.is_wall, -1, kind)
 
 
-def _turned(vectors: Floats, angle: Floats) -> Floats:
-    (x, y), c, s = vectors.T, np.cos(angle), np.sin(angle)
-    return np.column_stack([c * x - s * y, s * x + c * y])
-
-
 class End(NamedTuple):
     """Where points of contacts lie on the outlines of one of their two bodies, ``p`` of them.
 
@@ -120,7 +115,7 @@ def ends_of(points: LoadedContacts, model: Model, frame: Frame) -> tuple[End, En
         (points.j, points.branch + points.arm, points.is_wall),
     ):
         grain, has = np.where(is_wall, 0, end).astype(np.int64), ~is_wall
-        turned = _turned(arm[has], -np.asarray(frame.angle)[grain[has]])
+        turned = rotated(arm[has], -np.asarray(frame.angle)[grain[has]])
         rows = np.full((2, grain.size), -1, np.int64)
         at_corner = np.zeros(grain.size, np.bool_)
         rows[0, has], rows[1, has], at_corner[has] = _places(outlines, grain[has], turned)

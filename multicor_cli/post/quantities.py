@@ -21,14 +21,7 @@ from multicor_cli.post.contacts import (
 from multicor_cli.post.flow import d2min, fluctuations
 from multicor_cli.post.lattice import Complexes
 from multicor_cli.post.orientation import axes_of, degrees_of
-from multicor_cli.post.source import (
-    Frame,
-    PostError,
-    Run,
-    model_of,
-    need_heat,
-    need_same_grains,
-)
+from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
 from multicor_cli.post.sums import OfMeans
 from multicor_cli.post.table import Quantity
 from multicor_cli.post.voronoi import Cells, cells_of

@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model, cell
 from multicor_cli.model.columns import XX, YY, X
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import (
-    Between,
-    Bins,
-    Extent,
-    find_extent,
-    heights,
-    make_bins,
-)
+from multicor_cli.post.bins import Between, Bins, Extent, find_extent, heights, make_bins
 from multicor_cli.post.bulk import (
     CONTACT_SUMS,
     INERTIAL_NUMBERS,

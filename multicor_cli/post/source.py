@@ -393,12 +393,13 @@ def placed_walls(
         asked = np.flatnonzero(is_asked[shapes.wall])
     for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
         own = pose[shapes.wall[asked[which]]]
-        points = _rotated(outline.points, own[:, np.newaxis, 2]) + own[:, np.newaxis, :2]
-        normal = None if outline.normal is None else _rotated(outline.normal, own[:, 2])
+        points = rotated(outline.points, own[:, np.newaxis, 2]) + own[:, np.newaxis, :2]
+        normal = None if outline.normal is None else rotated(outline.normal, own[:, 2])
         yield asked[which], replace(outline, points=points, normal=normal)
 
 
-def _rotated(vectors: Floats, angle: Floats) -> Floats:
+def rotated(vectors: Floats, angle: Floats) -> Floats:
+    """Vectors of shape ``(…, 2)``, turned by angles [rad] of a shape that broadcasts to ``(…)``."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)

@@ -30,8 +30,8 @@ from multicor_cli.post.lattice import gradient_of
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
 from multicor_cli.store import Run
-from multicor_cli.store.documents import StageEnd, plain, record_of
-from multicor_cli.text import unit_sign
+from multicor_cli.store.documents import StageEnd, record_of
+from multicor_cli.text import json_value, unit_sign
 
 MARK = '<meta name="generator" content="multicor report">'
 """What tells a page of ours from other files; it stands within the first 400 bytes."""
@@ -303,7 +303,7 @@ def _short(values: Floats) -> Any:
 
 def _json(data: Any) -> str:
     """JSON that may stand in an HTML page, whatever strings are in it."""
-    text = json.dumps(plain(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(json_value(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 

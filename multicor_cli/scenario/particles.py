@@ -40,13 +40,7 @@ from multicor_cli.scenario.region import (
     tag_kind,
 )
 from multicor_cli.scenario.settings import Domain
-from multicor_cli.scenario.shapes import (
-    DiscShape,
-    FileShape,
-    GrainShape,
-    Orientation,
-    Shape,
-)
+from multicor_cli.scenario.shapes import DiscShape, FileShape, GrainShape, Orientation, Shape
 from multicor_cli.scenario.sizes import Sizes
 
 # ---- How the grains of a group are placed at the start

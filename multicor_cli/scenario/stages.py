@@ -21,12 +21,7 @@ from multicor_cli.scenario.base import (
     optional,
     required,
 )
-from multicor_cli.scenario.drives import (
-    CellDrives,
-    StageGravityTable,
-    WallCondition,
-    WallDrives,
-)
+from multicor_cli.scenario.drives import CellDrives, StageGravityTable, WallCondition, WallDrives
 from multicor_cli.scenario.materials import PairFriction
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep

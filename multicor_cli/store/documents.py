@@ -31,6 +31,7 @@ from multicor_cli.store.atomic import commit_bytes, is_regular, storage_errors
 from multicor_cli.store.errors import DamagedRun, NothingStored, UnsupportedVersion
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.snapshot import empty_summary
+from multicor_cli.text import json_value
 
 # ---- JSON with a digest
 
@@ -79,24 +80,13 @@ def parse_document(data: bytes, where: str) -> Document:
 
 
 def _sealed(data: Document) -> Document:
-    clean = plain(data)
+    clean = json_value(data)
     return {**clean, _CHECK: _digest(clean)}
 
 
 def _digest(data: Document) -> str:
     text = json.dumps(data, sort_keys=True, ensure_ascii=True, allow_nan=True)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
-
-
-def plain(value: Any) -> Any:
-    """``value`` as plain JSON types: numbers of numpy become numbers, non-finite ones null."""
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if hasattr(value, "item"):  # a number of numpy
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def check_version(path: Path, version: Any) -> None:

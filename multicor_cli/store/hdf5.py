@@ -27,9 +27,10 @@ from multicor_cli import __version__
 from multicor_cli.files import Unfit, regular_path
 from multicor_cli.model.books import Version
 from multicor_cli.store.atomic import GuardedFile, commit_file, kill_point
-from multicor_cli.store.documents import check_version, plain
+from multicor_cli.store.documents import check_version
 from multicor_cli.store.errors import DamagedRun, StorageError
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
+from multicor_cli.text import json_value
 
 # ---- Texts beside the datasets of an HDF5 file: attributes of fixed length, each with a digest.
 #
@@ -316,7 +317,7 @@ def write_hdf5(
             write_text(file, "multicor_version", __version__)
             for name, value in attributes.items():
                 is_text = isinstance(value, str)
-                text = value if is_text else json.dumps(plain(value), ensure_ascii=False)
+                text = value if is_text else json.dumps(json_value(value), ensure_ascii=False)
                 write_text(file, name, text)
             writer = Hdf5Writer(file, precision, compress_integers, label)
             fill(writer)

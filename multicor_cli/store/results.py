@@ -42,13 +42,7 @@ from multicor_cli.store.hdf5 import (
 )
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
-from multicor_cli.store.segments import (
-    Segment,
-    check_segment,
-    columns_of,
-    model_dims,
-    segment_dims,
-)
+from multicor_cli.store.segments import Segment, check_segment, columns_of, model_dims, segment_dims
 from multicor_cli.store.snapshot import Snapshot
 from multicor_cli.store.vtkhdf import check_view, estimate_view, link_view, write_view
 

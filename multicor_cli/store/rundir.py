@@ -43,7 +43,6 @@ from multicor_cli.store.documents import (
     Origin,
     StageEnd,
     decisions_of,
-    plain,
     read_document,
     read_run_document,
     read_scenario,
@@ -58,6 +57,7 @@ from multicor_cli.store.provenance import new_session, now
 from multicor_cli.store.results import load_model, model_digest, write_model, write_results
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.segments import FrameWriter, keep_segments
+from multicor_cli.text import json_value
 
 Status = Literal["finished", "stopped", "failed"]
 
@@ -231,7 +231,7 @@ class RunDirectory(Closing):
                 "source_sha256": hashlib.sha256(source).hexdigest(),
                 "resolved_sha256": hashlib.sha256(resolved).hexdigest(),
                 "origin": None if origin is None else asdict(origin),
-                "provenance": plain(dict(provenance)),
+                "provenance": json_value(dict(provenance)),
                 "extensions": [],
                 "steering": steering,
                 "sessions": [new_session()],
@@ -459,7 +459,7 @@ class RunDirectory(Closing):
 
     def progress(self, values: Mapping[str, Any]) -> None:
         """Replace ``progress.json``, a heartbeat; a failure to write it does not matter."""
-        data = (json.dumps(plain({**values, "updated": now()}), indent=1) + "\n").encode()
+        data = (json.dumps(json_value({**values, "updated": now()}), indent=1) + "\n").encode()
         with contextlib.suppress(StoreError):
             commit_bytes(self.path / layout.PROGRESS, "progress", data, is_durable=False)
 

@@ -100,13 +100,16 @@ class Source:
     needs_shear: bool = False
 
 
+def _mean(found: TimeTable, name: str, why: str) -> Number:
+    if name not in found.mean:
+        raise Unobservable(why)
+    return Number(found.mean[name], found.error[name])
+
+
 def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
     found, name = rheology(run, selection), str(row.value)
-    if name not in found.mean:
-        raise Unobservable(
-            f"the rheology of this run has no {name}; it has {', '.join(found.mean)}"
-        )
-    return Number(found.mean[name], found.error[name])
+    why = f"the rheology of this run has no {name}; it has {', '.join(found.mean)}"
+    return _mean(found, name, why)
 
 
 def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
@@ -117,12 +120,10 @@ def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
     else:
         measure = layer_flow if name in _THROUGH_LAYER else layer_conductivity
     found = measure(run, selection)
-    if name not in found.mean:
-        why = "its grains are no discs of one thickness"
-        if name.startswith("share_"):
-            why = "an older version of the program began it"
-        raise Unobservable(f"the run has no {name}: {why}")
-    return Number(found.mean[name], found.error[name])
+    why = "its grains are no discs of one thickness"
+    if name.startswith("share_"):
+        why = "an older version of the program began it"
+    return _mean(found, name, f"the run has no {name}: {why}")
 
 
 def _wall_heat(run: Run, row: Observable, selection: Selection) -> Number:
@@ -130,18 +131,14 @@ def _wall_heat(run: Run, row: Observable, selection: Selection) -> Number:
     if len(found.walls) > 1:
         raise Unobservable(f"several walls have a temperature: {', '.join(found.walls)}")
     name = f"{found.walls[0]}: {row.value}"
-    if name not in found.mean:
-        raise Unobservable(f"the run has no {row.value}: its grains have several conductivities")
-    return Number(found.mean[name], found.error[name])
+    why = f"the run has no {row.value}: its grains have several conductivities"
+    return _mean(found, name, why)
 
 
 def _hot_spots(run: Run, row: Observable, selection: Selection) -> Number:
-    found, name = hot_spots(run, selection), str(row.value)
-    if name not in found.mean:
-        raise Unobservable(
-            f"the run has no {name}: no material has a temperature of ignition or melting"
-        )
-    return Number(found.mean[name], found.error[name])
+    name = str(row.value)
+    why = f"the run has no {name}: no material has a temperature of ignition or melting"
+    return _mean(hot_spots(run, selection), name, why)
 
 
 def _heat_network(run: Run, row: Observable, _selection: Selection) -> Number:
@@ -158,10 +155,8 @@ def _over_time(
     measure: Callable[[Run, Selection], TimeTable],
 ) -> Callable[[Run, Observable, Selection], Number]:
     def take(run: Run, row: Observable, selection: Selection) -> Number:
-        found, name = measure(run, selection), str(row.value)
-        if name not in found.mean:
-            raise Unobservable(f"the run has no {name}: all its grains are discs")
-        return Number(found.mean[name], found.error[name])
+        why = f"the run has no {row.value}: all its grains are discs"
+        return _mean(measure(run, selection), str(row.value), why)
 
     return take
 
@@ -189,10 +184,8 @@ def _correlation(run: Run, row: Observable, selection: Selection) -> Number:
 
 
 def _mixing(run: Run, row: Observable, selection: Selection) -> Number:
-    found, name = mixing(run, selection), str(row.value)
-    if name not in found.mean:
-        raise Unobservable(f"the run has no {name}: it has several groups, or is a cell")
-    return Number(found.mean[name], found.error[name])
+    why = f"the run has no {row.value}: it has several groups, or is a cell"
+    return _mean(mixing(run, selection), str(row.value), why)
 
 
 def _residence(run: Run, row: Observable, selection: Selection) -> Number:
@@ -212,10 +205,8 @@ def _avalanches(run: Run, row: Observable, selection: Selection) -> Number:
 
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
     assert row.inside is not None
-    found, name = in_region(run, row.inside.area(), selection), str(row.value)
-    if name not in found.mean:
-        raise Unobservable(f"the run has no {name}")
-    return Number(found.mean[name], found.error[name])
+    found = in_region(run, row.inside.area(), selection)
+    return _mean(found, str(row.value), f"the run has no {row.value}")
 
 
 def _profile(run: Run, row: Observable, selection: Selection) -> Number:

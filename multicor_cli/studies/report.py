@@ -25,13 +25,7 @@ from multicor_cli.studies.axes import SEED, short_names, shown
 from multicor_cli.studies.directory import PAGES, CaseStatus
 from multicor_cli.studies.figure import draw_into
 from multicor_cli.studies.session import StudySession
-from multicor_cli.studies.table import (
-    PlotRequest,
-    StudyTable,
-    make_panels,
-    over_seeds,
-    values_of,
-)
+from multicor_cli.studies.table import PlotRequest, StudyTable, make_panels, over_seeds, values_of
 
 _FIGURES = 12
 """Most figures of a page."""

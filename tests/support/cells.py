@@ -1,8 +1,7 @@
 """Cells that are periodic in both directions, by hand: discs of mean diameter and mass 1."""
 
-from dataclasses import replace
-
 import numpy as np
+from heat_parts import with_heat
 from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
 from shapes import POINT, box, regular, rod, shaped_model
@@ -10,7 +9,6 @@ from shapes import POINT, box, regular, rod, shaped_model
 from multicor_cli.engine import Engine
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.orders import Orders, Settings
-from multicor_cli.model import Thermal
 from multicor_cli.model.state import State
 
 DT = 0.05
@@ -121,9 +119,8 @@ def square_of_discs(conductances, *, heat=True, thickness=THICKNESS, **said):
     places = [(0.5, 0.5), (1.5, 0.5), (0.5, 1.5), (1.5, 1.5), (1.0, 1.0)]
     radius = np.array([0.5, 0.5, 0.5, 0.5, 0.1])
     model, _ = make_cell(places, radius, (2.0, 2.0))
-    surface = 2.0 * np.pi * radius * thickness
     if heat:
-        model = replace(model, thermal=Thermal(np.ones(5), np.full(5, 300.0), surface))
+        model = with_heat(model, capacity=1.0, thickness=thickness)
     i, j = [0, 0, 2, 2, 0, 0, 1, 1], [1, 1, 3, 3, 2, 2, 3, 3]
     normal = [(-1.0, 0.0), (1.0, 0.0)] * 2 + [(0.0, -1.0), (0.0, 1.0)] * 2
     frames = []

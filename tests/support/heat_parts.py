@@ -35,12 +35,16 @@ def with_flash(model, weakened, speed, limit=np.inf, reference=300.0):
     return replace(model, laws=model.laws._replace(**arrays))
 
 
-def with_heat(model, start, *, capacity=None, specific=500.0):
-    """The model with heat capacities (default m c_p) and initial temperatures."""
+def with_heat(model, start=300.0, *, capacity=None, specific=500.0, thickness=None):
+    """The model with heat capacities (default m c_p) and initial temperatures.
+
+    Grains are spheres, or all of one thickness.
+    """
     radius, mass = model.grains.radius, model.grains.mass
     c = np.full(radius.size, capacity, float) if capacity is not None else specific * mass
     start = np.broadcast_to(np.asarray(start, float), radius.shape).copy()
-    return replace(model, thermal=Thermal(c, start, 4.0 * np.pi * radius**2))
+    surface = 4.0 * np.pi * radius**2 if thickness is None else thickness * model.perimeter
+    return replace(model, thermal=Thermal(c, start, surface))
 
 
 def warm_model(radius=(1.0,), start=300.0, shapes=(), *, capacity=None, **choices):

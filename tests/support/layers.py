@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+from heat_parts import with_heat
 from made_up_frames import contacts_of, frame_of, source_of
-from scene_parts import make_model
+from scene_parts import floor_and_lid, make_model
 
 from multicor_cli.model import ShapeKind, Thermal
 from multicor_cli.post.mean_heat import WAYS
@@ -24,14 +25,9 @@ poisson = 0.0
 
 def layer_model(columns, rows, *, specific=1.0, shape="disc", thickness=THICKNESS):
     """Discs of diameter 1 in rows between the planes "floor" and "lid"; the width is the period."""
-    planes = [
-        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
-        (ShapeKind.PLANE, 1, (0.0, float(rows), 0.0, -1.0)),
-    ]
-    n = columns * rows
-    model = make_model(np.full(n, 0.5), planes, ("floor", "lid"), period=columns, shape=shape)
-    surface = np.full(n, np.pi * thickness)
-    return replace(model, thermal=Thermal(np.full(n, specific), np.full(n, 300.0), surface))
+    walls, radius = ("floor", "lid"), np.full(columns * rows, 0.5)
+    model = make_model(radius, floor_and_lid(rows), walls, period=columns, shape=shape)
+    return with_heat(model, capacity=specific, thickness=thickness)
 
 
 def lattice_contacts(columns, rows, inside, wall):

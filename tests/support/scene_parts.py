@@ -81,13 +81,14 @@ def make_model(
     )  # fmt: skip
 
 
+def floor_and_lid(height=0.0):
+    """Planes of walls 0 and 1 that face each other."""
+    return [*FLOOR, (ShapeKind.PLANE, 1, (0.0, float(height), 0.0, -1.0))]
+
+
 def between_planes(radii=(0.1, 0.1)):
     """Model of grains between planes "bottom" (y = 0) and "top" (y = 1); the period is 4 m."""
-    planes = [
-        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
-        (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0)),
-    ]
-    return make_model(radii, planes, ("bottom", "top"), period=4.0)
+    return make_model(radii, floor_and_lid(1.0), ("bottom", "top"), period=4.0)
 
 
 def make_engine(model, positions, velocities=None, *, settings=None, drives=None, threads=1):
@@ -198,9 +199,8 @@ def bed(seed=1, columns=8, rows=3, **keys):
 def surface_engine(settings=None, threads=1, columns=8, rows=3, load=120.0, speed=SPEED, **laws):
     """A bed between a running floor and a lid under a load whose surface runs too."""
     model, positions = bed(columns=columns, rows=rows)
-    planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
     given = {"period": model.period, "mass": 2.0, "gravity": (0.0, 0.0), **laws}
-    model = make_model(model.grains.radius, planes, ("floor", "lid"), **given)
+    model = make_model(model.grains.radius, floor_and_lid(), ("floor", "lid"), **given)
     drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(-load)))]
     engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
     engine.state.wall_position[1, 1] = 0.95 * rows + 0.1

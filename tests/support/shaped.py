@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import shaped_run
+import shapes
 from made_up_frames import contacts_of, frame_of
 from scene_parts import make_model
 
@@ -12,7 +13,7 @@ from multicor_cli.model.outlines import Outlines
 
 def regular(sides, radius=1.0, rounding=0.0, turn=0.0):
     """A piece of equal sides, whose corners lie on a circle."""
-    return shaped_run.regular(sides, radius, turn), rounding
+    return shapes.regular(sides, radius, turn), rounding
 
 
 def box(width, height, rounding=0.0, at=(0.0, 0.0)):
@@ -27,7 +28,7 @@ def disc(radius, at=(0.0, 0.0)):
 
 def rod(length, radius):
     """Of this length from center to center of its ends."""
-    return np.array([[-0.5 * length, 0.0], [0.5 * length, 0.0]]), radius
+    return shapes.rod(length), radius
 
 
 def shoelace(points):
@@ -42,10 +43,10 @@ def outlines_of(grains, areas=None):
     return Outlines.of(grains, np.array(areas or area), np.array(perimeter))
 
 
-def shaped_model(grains, shapes=(), walls=("floor",), *, areas=None, **keys):
+def shaped_model(grains, on=(), walls=("floor",), *, areas=None, **keys):
     """As `make_model`, of grains that consist of pieces; the mass is the area."""
     outlines = outlines_of(grains, areas)
-    model = make_model(outlines.radius, shapes, walls, **keys)
+    model = make_model(outlines.radius, on, walls, **keys)
     mass = outlines.area
     own = replace(model.grains, mass=mass, inertia=mass * outlines.radius**2 / 3.0)
     return replace(model, grains=own, outlines=outlines)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scene_parts import FLOOR, make_model
+from shapes import POINT, regular, rod
 
 from multicor_cli.model import State, Thermal
 from multicor_cli.model.contacts import ContactTable
@@ -27,14 +28,6 @@ TURN = 0.1
 GROWING = [PENTAGON, UPPER]
 """Grains that may grow."""
 
-ORIGIN = np.zeros((1, 2))
-
-
-def regular(corners, radius, angle=0.0):
-    """Corners of a regular polygon."""
-    turn = angle + 2.0 * np.pi * np.arange(corners) / corners
-    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
-
 
 def box(left, bottom, right, top):
     """Corners of a rectangle."""
@@ -53,7 +46,7 @@ def make_outlines():
     """Outlines of the nine grains."""
     square = box(-0.08, -0.08, 0.08, 0.08)
     simple = [
-        (ORIGIN, 0.1), (np.array([[-0.1, 0.0], [0.1, 0.0]]), 0.05), (regular(5, 0.09), 0.02),
+        (POINT, 0.1), (rod(0.2), 0.05), (regular(5, 0.09), 0.02),
         (square, 0.0), (square, 0.0), (regular(3, 0.1, 0.5 * np.pi), 0.0),
     ]  # fmt: skip
     # Side by side, so that they share a line

@@ -101,6 +101,15 @@ def wall_shapes(*parts):
     return joined
 
 
+def scattered(rng, columns, rows, pitch, lowest):
+    """Places of grains turned at random, in rows and columns about as far apart as ``pitch``."""
+    k = np.arange(columns * rows)
+    angle = rng.uniform(0.0, 7.0, k.size)
+    places = np.column_stack([pitch * (k % columns + 0.5), lowest + pitch * (k // columns), angle])
+    places[:, :2] += rng.uniform(-0.05, 0.05, (k.size, 2))
+    return places
+
+
 def on_slope(tangent, gravity=9.81):
     """Gravity along and across a slope of this steepness that is drawn level."""
     angle = np.arctan(tangent)

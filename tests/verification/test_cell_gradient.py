@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cells import compressed, loose_cell, make_cell, orders
-from heat_parts import heat_book, make_heat_laws
+from heat_parts import heat_book, make_heat_laws, with_heat
 from scene_parts import book, continued, resume
 
 from multicor_cli.engine import Engine
@@ -18,7 +18,7 @@ from multicor_cli.engine.heat.radiation import (
 )
 from multicor_cli.engine.heat.settings import ContactForce, HeatSettings
 from multicor_cli.engine.motion.cell import wrap_cell
-from multicor_cli.model import HEAT_BOOK_NAMES, Thermal
+from multicor_cli.model import HEAT_BOOK_NAMES
 from multicor_cli.model.books import NAMES
 from multicor_cli.model.state import State
 from multicor_cli.post.conductivity import Network
@@ -33,12 +33,8 @@ WAYS = ("contacts", "gas", "radiation", "motion")
 
 def with_gradient(model, gradient, *, capacity=None):
     """The model with heat, 1 J/K in grains of mass 1 if nothing else is said."""
-    masses = model.grains.mass
-    thermal = Thermal(
-        masses.copy() if capacity is None else np.asarray(capacity, float),
-        np.full(masses.size, START), 2.0 * np.pi * model.grains.radius,
-    )  # fmt: skip
-    return replace(model, thermal=thermal, heat_gradient=tuple(map(float, gradient)))
+    model = with_heat(model, START, capacity=capacity, specific=1.0, thickness=1.0)
+    return replace(model, heat_gradient=tuple(map(float, gradient)))
 
 
 def heated(model, state, gradient, order=None, *, capacity=None, **settings):

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from heat_parts import coupled_engine, make_heat_laws, warm_model, with_heat
-from scene_parts import FLOOR, G, book, continued, make_model
+from scene_parts import FLOOR, G, book, continued, floor_and_lid, make_model
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Spring, WallDrive
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model import ShapeKind, Thermal
 
 ALPHA = 1e-3
 
@@ -31,11 +30,9 @@ def warmed(engine, rate, steps, dt=1e-3):
 
 def column(load=-20.0, stiffness=0.0):
     """Five spheres on each other under a lid that a load and a spring press."""
-    planes = [
-        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
-        (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)),
-    ]
-    model = make_model([0.5] * 5, planes, ("floor", "lid"), friction=0.0, mass=1.0, shape="sphere")
+    model = make_model(
+        [0.5] * 5, floor_and_lid(), ("floor", "lid"), friction=0.0, mass=1.0, shape="sphere"
+    )
     model = with_heat(model, 300.0)
     spring = Spring(stiffness, Constant(0.0)) if stiffness else None
     lid = DofDrive(force=Constant(load), spring=spring)
@@ -124,8 +121,8 @@ def test_wear_takes_mass_and_size_and_what_moves_with_them(shape, power):
     model = make_model([0.5], FLOOR, ("floor",), friction=0.3, shape=shape)
     surface = 4.0 * np.pi * 0.25 if shape == "sphere" else 2.0 * np.pi * 0.5  # of a disc 1 m high
     mass = float(model.grains.mass[0])
-    thermal = Thermal(np.array([500.0 * mass]), np.array([300.0]), np.array([surface]))
-    model = replace(model, thermal=thermal, sheds=True, expansion=np.zeros(1))
+    model = with_heat(model, thickness=None if shape == "sphere" else 1.0)
+    model = replace(model, sheds=True, expansion=np.zeros(1))
     heat = {"laws": make_heat_laws(wear=wears), "conduction": "none"}
     engine = coupled_engine(model, [[0.0, 0.5]], [[1.0, 0.0, 0.0]], **heat)
     volume = surface * 0.5 / power

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, coupled_engine, make_heat_laws
-from scene_parts import FLOOR, TIGHT, G, book, continued, make_model
+from heat_parts import at_temperature, coupled_engine, make_heat_laws, with_heat
+from scene_parts import FLOOR, TIGHT, G, book, continued, floor_and_lid, make_model
 from shapes import POINT, box, disc, on_slope, outlines_of, regular, rod, shaped_model
 
 from multicor_cli.engine import Settings
@@ -13,16 +13,15 @@ from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.model import ShapeKind
 
 ALPHA, THICKNESS = 1e-3, 0.5
 
 
 def growing(model, alpha=ALPHA, *, sheds=False, start=300.0):
     """The model as prisms whose outlines follow temperatures, and wear."""
-    capacity, start = 500.0 * model.grains.mass, np.full(model.grain_count, start)
-    thermal = Thermal(capacity, start, THICKNESS * model.perimeter)
-    return replace(model, thermal=thermal, expansion=np.array([alpha]), sheds=sheds)
+    model = with_heat(model, start, thickness=THICKNESS)
+    return replace(model, expansion=np.array([alpha]), sheds=sheds)
 
 
 def warmed(engine, rate, steps, dt=1e-3):
@@ -33,7 +32,6 @@ def warmed(engine, rate, steps, dt=1e-3):
     return engine.state
 
 
-PLANES = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
 BAR = box(2.0, 0.4) + np.array([0.0, 0.3])
 STACKS = {
     "boxes": ([(box(2.0, 1.0), 0.0)], 0.5),
@@ -47,7 +45,7 @@ def test_a_stack_lifts_its_load_and_lets_it_down(name):
     """Three grains grow by 3·2h α ΔT between their lowest and highest sides, and do the work of
     their load and weight; as they cool they take it back."""
     grain, half = STACKS[name]
-    model = shaped_model([grain] * 3, PLANES, ("floor", "lid"), mass=1.0, friction=0.3)
+    model = shaped_model([grain] * 3, floor_and_lid(), ("floor", "lid"), mass=1.0, friction=0.3)
     engine = coupled_engine(
         growing(model), [[0.0, half + k] for k in range(3)], conduction="none", friction="none",
         drives=[WallDrive(), WallDrive(y=DofDrive(force=Constant(-20.0)))],

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, coupled_engine, frozen_engine, make_heat_laws
+from heat_parts import at_temperature, coupled_engine, frozen_engine, make_heat_laws, with_heat
 from scene_parts import FLOOR
 from shapes import box, disc, outlines_of, regular, rod, shaped_model, wall_line
 
@@ -21,7 +21,7 @@ from multicor_cli.engine.heat.hertz import joint_coefficient
 from multicor_cli.engine.heat.hits import flat_exchange, flat_time
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, emission_factor
 from multicor_cli.engine.heat.settings import ContactForce
-from multicor_cli.model import ShapeKind, State, Thermal
+from multicor_cli.model import ShapeKind, State
 
 THICKNESS, LAMBDA, GAS = 0.5, 15.0, 0.026
 EMISSION = emission_factor(0.8, 0.8)
@@ -33,8 +33,7 @@ WHOLE = 10.0
 def prisms(grains, shapes=(), walls=(), **keys):
     """A model of prisms with temperatures."""
     model = shaped_model(grains, shapes, walls, friction=0.4, **keys)
-    start, mass = np.full(model.grain_count, 300.0), model.grains.mass
-    return replace(model, thermal=Thermal(500.0 * mass, start, THICKNESS * model.perimeter))
+    return with_heat(model, thickness=THICKNESS)
 
 
 def links_of(model, places, mechanism, **settings):

@@ -1,19 +1,12 @@
 """What carries heat between walls, and how far: links added up by hand, and the moment of heat."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from heat_parts import at_temperature, make_heat_laws, temperatures
+from heat_parts import at_temperature, make_heat_laws, temperatures, with_heat
 from scene_parts import continued, make_model
 
 from multicor_cli.engine import Engine, Orders
-from multicor_cli.engine.heat.gas import (
-    CORE,
-    Gas,
-    parallel_conductance,
-    parallel_conductance_wall,
-)
+from multicor_cli.engine.heat.gas import CORE, Gas, parallel_conductance, parallel_conductance_wall
 from multicor_cli.engine.heat.radiation import (
     STEFAN_BOLTZMANN,
     Radiation,
@@ -23,7 +16,7 @@ from multicor_cli.engine.heat.radiation import (
 from multicor_cli.engine.heat.settings import ContactForce, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
-from multicor_cli.model import ShapeKind, State, Thermal
+from multicor_cli.model import ShapeKind, State
 from multicor_cli.model.columns import GIVEN
 from multicor_cli.post.mean_heat import WAYS
 
@@ -53,8 +46,7 @@ def engine_of(
     n, names = len(position), ("floor", "lid", "left", "right")
     still = {"gravity": (0.0, 0.0), "restitution": restitution}
     model = make_model(np.full(n, RADIUS), box(*size), names, **still)
-    surface = np.full(n, 2.0 * np.pi * RADIUS)
-    model = replace(model, thermal=Thermal(np.ones(n), np.array(start, float), surface))
+    model = with_heat(model, start, capacity=1.0, thickness=1.0)
     state = State.at_rest(model, np.asarray(position, float))
     if velocity is not None:
         state.velocity[:, :2] = velocity

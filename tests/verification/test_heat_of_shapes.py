@@ -12,6 +12,7 @@ from heat_parts import (
     heat_book,
     make_heat_laws,
     temperatures,
+    with_heat,
 )
 from scene_parts import FLOOR, TIGHT, G, advance, book, continued, make_model, resume
 from shapes import POINT, box, disc, on_slope, outlines_of, regular, rod, shaped_model
@@ -31,7 +32,7 @@ from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
 from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.model import ShapeKind
 from multicor_cli.model.flash import flash_rise
 from multicor_cli.model.state import State
 
@@ -45,12 +46,7 @@ SETTINGS = {"laws": LAWS, "friction": "none"}
 def hot(grains, start=300.0, *, specific=500.0, **keys):
     """A model of prisms of one thickness with temperatures."""
     model = shaped_model(grains, **{"friction": MU, **keys})
-    count = model.grain_count
-    thermal = Thermal(
-        specific * model.grains.mass, np.broadcast_to(np.asarray(start, float), (count,)).copy(),
-        THICKNESS * model.perimeter,
-    )  # fmt: skip
-    return replace(model, thermal=thermal)
+    return with_heat(model, start, specific=specific, thickness=THICKNESS)
 
 
 def spot(force, radius):
@@ -547,9 +543,7 @@ def test_discs_by_their_outlines_have_the_bits_of_discs(rolls):
     """Heat of discs among which there are outlines; an average of forces, a frozen stage."""
     radius = np.array([0.5, 0.4, 0.5, 0.45])
     model = make_model(radius, FLOOR, friction=MU)
-    surface = THICKNESS * model.perimeter
-    start = np.array([300.0, 310.0, 320.0, 305.0])
-    model = replace(model, thermal=Thermal(500.0 * model.grains.mass, start, surface))
+    model = with_heat(model, [300.0, 310.0, 320.0, 305.0], thickness=THICKNESS)
     outlines, _, _ = outlines_of([[(POINT, a)] for a in radius])
     outlines = outlines._replace(area=model.area)
     places = [[0.0, 0.5], [1.0, 0.4], [0.4, 1.35], [-0.95, 0.45]]

@@ -22,8 +22,8 @@ from scene_parts import (
 )
 
 from multicor_cli.engine import Interrupted, PhysicsError, Settings
-from multicor_cli.engine import step as engine_module
 from multicor_cli.engine.contact import solve
+from multicor_cli.engine.motion import layout
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind
 
@@ -140,7 +140,7 @@ STICKY = partial(shear_engine, adhesion=1.0, rolling=0.3, reach=0.05, wet=True)
 ])  # fmt: skip
 def test_neither_threads_nor_a_new_engine_change_a_bit(make, dt, columns, rows, monkeypatch):
     """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, parallel and serial, resumed."""
-    monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
+    monkeypatch.setattr(layout, "PARALLEL_GRAINS", 1)
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
         monkeypatch.setattr(solve, "PARALLEL_FROM", parallel_from)

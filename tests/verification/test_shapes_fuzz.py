@@ -14,6 +14,7 @@ from shapes import (
     disc,
     regular,
     rod,
+    scattered,
     shaped_engine,
     shaped_model,
     wall_line,
@@ -21,8 +22,9 @@ from shapes import (
 )
 from stuck import least_violation, strut
 
-from multicor_cli.engine import Engine, step
+from multicor_cli.engine import Engine
 from multicor_cli.engine.contact import solve
+from multicor_cli.engine.motion import layout
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model import ShapeKind
 
@@ -73,11 +75,7 @@ def any_scene(seed, columns=7, rows=7, threads=1, *, clumps=True, spin=0.0):
         [any_grain(rng, clumps=clumps) for _ in range(count)], shapes, walls, mass=5.0, length=width,
         friction=float(rng.choice([0.0, 0.3, 0.8])), restitution=float(rng.choice([0.0, 0.0, 0.4])),
     )  # fmt: skip
-    k = np.arange(count)
-    places = np.column_stack(
-        [pitch * (k % columns + 0.5), 0.6 + pitch * (k // columns), rng.uniform(0.0, 7.0, count)]
-    )
-    places[:, :2] += rng.uniform(-0.05, 0.05, (count, 2))
+    places = scattered(rng, columns, rows, pitch, 0.6)
     drives = [
         WallDrive(x=DofDrive(velocity=Sine(0.0, 1.0, 0.7)), surface=Constant(0.5)),
         WallDrive(),
@@ -173,7 +171,7 @@ def test_a_run_that_goes_on_from_a_copy_has_the_same_bits(at):
 
 def test_threads_do_not_matter(monkeypatch):
     """Parallel sweeps and serial ones."""
-    monkeypatch.setattr(step, "PARALLEL_GRAINS", 1)
+    monkeypatch.setattr(layout, "PARALLEL_GRAINS", 1)
     monkeypatch.setattr(solve, "PARALLEL_FROM", 1)
     states = []
     for threads in (1, 2):

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scene_parts import book, tally
-from shapes import convex, regular, shaped_engine, shaped_model, wall_line, wall_shapes
+from scene_parts import book, floor_and_lid, tally
+from shapes import convex, regular, scattered, shaped_engine, shaped_model, wall_line, wall_shapes
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import ShapeKind
 
 KINDS = (3, 4, 5, "irregular", "thin")
 
@@ -26,21 +25,13 @@ def sharp_bed(seed, columns=12, rows=8):
         return regular(kind, size)
 
     teeth = np.column_stack([np.linspace(0.0, width, 25), 0.25 * (np.arange(25) % 2)])
-    planes = [
-        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
-        (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)),
-    ]
-    shapes = wall_shapes(planes, wall_line(teeth, 2, period=width))
+    shapes = wall_shapes(floor_and_lid(), wall_line(teeth, 2, period=width))
     model = shaped_model(
         [[(grain(rng.uniform(0.4, 0.6)), 0.0)] for _ in range(count)], shapes,
         ("floor", "lid", "teeth"), friction=friction, restitution=restitution, period=width,
         mass=5.0, length=width,
     )  # fmt: skip
-    k = np.arange(count)
-    places = np.column_stack(
-        [pitch * (k % columns + 0.5), 1.0 + pitch * (k // columns), rng.uniform(0.0, 7.0, count)]
-    )
-    places[:, :2] += rng.uniform(-0.05, 0.05, (count, 2))
+    places = scattered(rng, columns, rows, pitch, 1.0)
     drives = [
         WallDrive(),
         WallDrive(y=DofDrive(force=Constant(-20.0 * width))),

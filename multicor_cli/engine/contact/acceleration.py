@@ -155,14 +155,9 @@ def start_momentum(s: System) -> Momentum:
 
 @loop_body
 def extrapolate_scalar(
-    first: int,
-    last: int,
-    now: Floats,
-    before: Floats,
-    change: Floats,
-    weight: Floats,
+    first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats,
     factor: float,
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Record velocities and their change, and move them on by ``factor`` times the change.
 
     For bodies ``first … last-1``, arrays flat. ``now`` are the velocities after the sweep,
@@ -368,17 +363,9 @@ def _watch_peak(tolerance: Tolerances, loop: Any) -> None:
 
 @kernel
 def iterate(
-    s: System,
-    m: Momentum,
-    local: int,
-    accelerated: bool,
-    parallel: bool,
-    limit: int,
-    is_last: bool,
-    tolerance: Tolerances,
-    memory: NDArray[np.void],
-    partial: Floats,
-) -> None:
+    s: System, m: Momentum, local: int, accelerated: bool, parallel: bool, limit: int,
+    is_last: bool, tolerance: Tolerances, memory: NDArray[np.void], partial: Floats,
+) -> None:  # fmt: skip
     """Sweep until converged, or until ``limit`` sweeps have been done in all.
 
     A caller that gives up there says so (``is_last``): the residual is then evaluated there.

@@ -18,23 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
-from multicor_cli.engine.contact.faces import FacePairs
+from multicor_cli.engine.contact.faces import FacePairs, rows_of_faces
 from multicor_cli.engine.geometry.outlines import Pieces, are_faces, true_gap
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import (
-    INVERSE_MASS,
-    NORMAL,
-    SPIN,
-    SURFACE,
-    XX,
-    XY,
-    YY,
-    X,
-    Y,
-)
+from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, SURFACE, XX, XY, YY, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import State
@@ -123,17 +113,9 @@ def _nearest_pieces(scene: Scene, contacts: Contacts, i: Ints, j: Ints) -> Float
 
 @kernel
 def begin_attraction(
-    scene: Scene,
-    laws: ContactLaws,
-    contacts: Contacts,
-    i: Ints,
-    j: Ints,
-    bodies: Floats,
-    bridge_row: NDArray[np.int64],
-    bridge_j: Ints,
-    dt: float,
-    faces: FacePairs,
-) -> None:
+    scene: Scene, laws: ContactLaws, contacts: Contacts, i: Ints, j: Ints, bodies: Floats,
+    bridge_row: NDArray[np.int64], bridge_j: Ints, dt: float, faces: FacePairs,
+) -> None:  # fmt: skip
     """F Δt into all contacts [N s], the mean over the way that a pair goes with u_n⁻ in the step.
 
     Dry pairs attract each other within the range, wet ones where they touch, now or at the start
@@ -293,7 +275,6 @@ def resting_attraction(
     sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
     is_point = np.zeros(i.size, np.bool_)
     if outlines is not None:
-        is_face, is_wall = ~outlines.is_disc, j >= scene.radius.size
-        is_point = is_face[i] | (~is_wall & is_face[np.where(is_wall, 0, j)])
+        is_point = rows_of_faces(~outlines.is_disc, i, j)
         sharing[is_point] = 1.0
     return dt * _shares_at_rest(scene, laws, i, j, is_point) / sharing

@@ -24,10 +24,7 @@ from multicor_cli.engine.contact.law import (
     weakened_friction,
     weakening_speed,
 )
-from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
 from multicor_cli.engine.contact.vector_step import BOUNCE, IS_OURS, SMALLER
-from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
-from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, nearest_image, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -35,7 +32,6 @@ from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     BELT,
     BIAS,
-    FIRST,
     INVERSE_MASS,
     MASS,
     MU,
@@ -43,8 +39,6 @@ from multicor_cli.model.columns import (
     NX,
     NY,
     RADIUS,
-    SECOND,
-    SPIN,
     SURFACE,
     TANGENTIAL,
     XX,
@@ -121,14 +115,6 @@ class Speeds(NamedTuple):
     loaded: float
     motion: float
     met: float
-
-
-class WarmStart(NamedTuple):
-    """Contacts of the step before, of grain i ``row[i]:row[i+1]``; couples, if any [N m s]."""
-
-    row: NDArray[np.int64]
-    j: Ints
-    couple: Floats
 
 
 @formula
@@ -311,14 +297,9 @@ def _speed(c: int, scene: Scene, start: Floats, contacts: Contacts) -> float:
 
 @kernel
 def begin_walls(
-    scene: Scene,
-    laws: ContactLaws,
-    start: Floats,
-    dt: float,
-    ratio: float,
-    which: Ints,
+    scene: Scene, laws: ContactLaws, start: Floats, dt: float, ratio: float, which: Ints,
     contacts: Contacts,
-) -> Speeds:
+) -> Speeds:  # fmt: skip
     """Everything of some contacts with walls but adhesion and rolling resistance.
 
     ``start`` are velocities v⁻ of all bodies; ``ratio`` is that of this time step to the last, by
@@ -342,15 +323,9 @@ def begin_walls(
 
 @kernel
 def fix_lanes(
-    scene: Scene,
-    laws: ContactLaws,
-    bodies: Floats,
-    i: Ints,
-    j: Ints,
-    slot: Ints,
-    about: Floats,
+    scene: Scene, laws: ContactLaws, bodies: Floats, i: Ints, j: Ints, slot: Ints, about: Floats,
     frame: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """What lasts with the contacts of two grains, into their lanes: laws, masses and radii.
 
     ``bodies`` have inverse masses in their last column. **Modifies** ``about`` and ``frame``.
@@ -470,125 +445,3 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
         more_n, more_t = stretch_along(after, count, contact.lever_x, contact.lever_y, nx, ny)
         u_n, u_t = u_n + more_n, u_t + more_t
     return u_n, u_t
-
-
-# ---- Rolling resistance: what it is in a step, and where its couples stand (theory §3.2)
-
-
-@formula
-def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats) -> float:
-    """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of all bodies, shape ``(bodies, 4)``."""
-    count = scene.radius.size
-    if j < count:
-        return arm * (
-            velocity[i, SURFACE] / scene.radius[i] - velocity[j, SURFACE] / scene.radius[j]
-        )
-    body = count + scene.wall[j - count]
-    turning = arm * surface_turning(scene, j, velocity[body, BELT])
-    return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[body, SURFACE]) - turning
-
-
-@kernel
-def begin_rolling(
-    scene: Scene,
-    laws: ContactLaws,
-    start: Floats,
-    warm: WarmStart,
-    ratio: float,
-    contacts: Contacts,
-) -> None:
-    """Rolling resistance into all contacts, **modified**; arguments as `begin_walls`."""
-    for c in range(contacts.size):
-        contact = contacts[c]
-        i, j = contact.i, contact.j
-        contact.mu_r = laws.rolling[scene.material[i], scene.material[j]]
-        contact.arm, contact.u_r, contact.p_r = 0.0, 0.0, 0.0
-        if contact.mu_r == 0.0:
-            continue
-        arm = pair_radius(scene, i, j)
-        contact.arm, contact.u_r = arm, _rolling_velocity(scene, i, j, arm, start)
-        for k in range(warm.row[i], warm.row[i + 1]):
-            if warm.j[k] == j:
-                contact.p_r = ratio * warm.couple[k] / arm
-
-
-@formula
-def rolling_loss(c: int, scene: Scene, contacts: Contacts, after: Floats) -> float:
-    """Energy that a couple takes in a step, −p_r ½(u_r⁻ + u_r⁺) [J]; ``after`` are the v⁺."""
-    contact = contacts[c]
-    if contact.p_r == 0.0:
-        return 0.0
-    u_r = _rolling_velocity(scene, contact.i, contact.j, contact.arm, after)
-    return -contact.p_r * 0.5 * (contact.u_r + u_r)
-
-
-@formula
-def rolled_loss(c: int, scene: Scene, contacts: Contacts, after: Floats) -> float:
-    """What a couple that rolls takes by the rule of the end of the step, |p_r u_r⁺| [J]."""
-    contact = contacts[c]
-    if contact.p_r == 0.0:
-        return 0.0
-    u_r = _rolling_velocity(scene, contact.i, contact.j, contact.arm, after)
-    return abs(contact.p_r * u_r)
-
-
-def couples_of(contacts: Contacts) -> Floats:
-    """Impulses of the couples of contacts on their first bodies [N m s], shape ``(c,)``."""
-    return np.asarray(contacts["arm"] * contacts["p_r"])
-
-
-def pack_couples(
-    scene: Scene,
-    contacts: Contacts,
-    belt: Floats,
-    slot: Ints,
-    general: Ints,
-    place: Ints,
-    inverse: Floats,
-) -> Couples:
-    """Couples of contacts, in their order; arrays of `Schedule`, `System` and `OrderedSystem`."""
-    contact = np.flatnonzero(contacts["mu_r"] > 0.0)
-    if not contact.size:
-        return NO_COUPLES
-    rolling = contacts[contact]
-    i, j = rolling["i"], rolling["j"]
-    is_wall, effective = j >= scene.radius.size, rolling["arm"]
-    body, arm = np.empty((contact.size, 2), np.int32), np.empty((contact.size, 2))
-    body[:, FIRST], arm[:, FIRST] = place[i], effective / scene.radius[i]
-    body[~is_wall, SECOND], arm[~is_wall, SECOND] = (
-        place[j[~is_wall]],
-        effective[~is_wall] / scene.radius[j[~is_wall]],
-    )
-    body[is_wall, SECOND], arm[is_wall, SECOND] = (
-        scene.radius.size + scene.wall[j[is_wall] - scene.radius.size],
-        effective[is_wall],
-    )
-    spins = inverse[body, SPIN]
-    mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (
-        arm[:, SECOND] * arm[:, SECOND]
-    )
-    where = _places(slot, general, contacts.size)[contact]
-    turning = effective * _turning(scene, np.ascontiguousarray(j), belt)
-    return Couples(
-        contact.astype(np.int32), where, body, arm, rolling["mu_r"].copy(), 1.0 / mobility,
-        rolling["p_r"].copy(), turning,
-    )  # fmt: skip
-
-
-@kernel
-def _turning(scene: Scene, shape: Ints, belt: Floats) -> Floats:
-    """`surface_turning` of the second bodies of pairs [rad/s]; 0 for grains."""
-    count, found = scene.radius.size, np.zeros(shape.size)
-    for k in range(shape.size):
-        if shape[k] >= count:
-            found[k] = surface_turning(scene, shape[k], belt[scene.wall[shape[k] - count]])
-    return found
-
-
-def _places(slot: Ints, general: Ints, count: int) -> Ints:
-    """Where the normal impulse of each contact is, as `Couples.place` says, shape ``(count,)``."""
-    where = np.empty(count, np.int64)
-    filled = np.flatnonzero(slot.reshape(-1) >= 0)
-    where[slot.reshape(-1)[filled]] = IMPULSE_ROWS * LANES * (filled // LANES) + filled % LANES
-    where[general] = -1 - np.arange(general.size)
-    return where

@@ -24,6 +24,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     ResidualSums,
     Stretch,
     bodies_of,
+    over_batches,
 )
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
@@ -222,7 +223,7 @@ class _Lanes:
         self.velocity, self.pair, self.block, self.impulse = arrays
         self.zero = code.number(0.0)
 
-    def velocities(self, batch: _Value) -> list[Vector]:
+    def gather(self, batch: _Value) -> list[Vector]:
         """u_n + b and u_t."""
         code = self.code
         rows_i, rows_j = bodies_of(code, self.pair, batch)
@@ -312,20 +313,6 @@ class _Sweep(_Lanes):
                 old, change = code.load(self.velocity, at), mass * push
                 code.store(self.velocity, at, old - change if is_second else old + change)
 
-    def over(self, first: _Value, last: _Value) -> None:
-        """All batches, in a pipeline (`vector_sweep._Sweep.over`)."""
-        code = self.code
-        with code.if_any(first, last):
-            solved = code.keep(self.solve(first, *self.velocities(first)))
-            gathered = code.keep(self.velocities(code.offset(first, 1)))
-            with code.each(code.offset(first, 2), last) as batch:
-                now, done = gathered.get(), solved.get()
-                self.apply(code.offset(batch, -2), *done)
-                solved.put(self.solve(code.offset(batch, -1), *now))
-                gathered.put(self.velocities(batch))
-            self.apply(code.offset(last, -2), *solved.get())
-            self.apply(code.offset(last, -1), *self.solve(code.offset(last, -1), *gathered.get()))
-
 
 @vector_loop(results=1)
 def _relax_batches(
@@ -334,7 +321,7 @@ def _relax_batches(
 ) -> list[_Value]:  # fmt: skip
     """As `relax_faces_scalar`."""
     sweep = _Sweep(code, (velocity, pair, block, impulse), before, beta, extrapolation)
-    sweep.over(first, last)
+    over_batches(sweep, first, last)
     return [code.total(sweep.squares.get()[0])]
 
 
@@ -347,7 +334,7 @@ def _relax_stretched_batches(
     """The same in a cell."""
     moving = MovingStretch(code, branch, own)
     sweep = _Sweep(code, (velocity, pair, block, impulse), before, beta, extrapolation, moving)
-    sweep.over(first, last)
+    over_batches(sweep, first, last)
     moving.finish()
     return [code.total(sweep.squares.get()[0])]
 
@@ -375,7 +362,7 @@ def _measured(code: Writer, first: _Value, last: _Value, lanes: _Lanes) -> list[
     sums = ResidualSums(code)
     with code.each(first, last) as batch:
         p_n, p_t = lanes.impulses(lanes.impulse, batch)
-        new_n, new_t = lanes.solution(batch, p_n, p_t, *lanes.velocities(batch))
+        new_n, new_t = lanes.solution(batch, p_n, p_t, *lanes.gather(batch))
         square, c_n, c_t = lanes.square(batch, new_n - p_n, new_t - p_t)
         sums.add(p_n, p_t, c_n, c_t, square)
     return sums.results()

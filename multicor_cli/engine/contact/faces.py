@@ -123,8 +123,8 @@ OPEN = 1e300
 
 _NONE = np.empty(0, np.int32)
 STRUCK = 1.5
-"""Speed over the rms of all pairs up to which one that is struck may close: of 10⁴ grains in a flow,
-some close more than they do by themselves in every other step, and all are solved once more then."""
+"""Speed up to which a pair may close once it is struck, over the rms of all pairs: in large flows
+some do in every third step, in which all are solved once more if their points did not count."""
 
 LOOK = 1e-3
 """Gap over the smaller size below which, as velocities tell, a pair may overlap after a step."""
@@ -132,10 +132,15 @@ LOOK = 1e-3
 NO_FACES = FacePairs(_NONE, _NONE, _NONE)
 
 
+def rows_of_faces(is_face: NDArray[np.bool_], i: Ints, j: Ints) -> NDArray[np.bool_]:
+    """Which pairs have a grain that is no disc, shape ``(c,)``; ``is_face`` of all grains."""
+    is_grain = j < is_face.size
+    return np.asarray(is_face[i] | (is_grain & is_face[np.where(is_grain, j, 0)]))
+
+
 def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints, FacePairs]:
     """Pairs, sorted, with a row for each point that has room; and which of these rows are faces."""
-    is_wall = j >= pieces.is_face.size
-    is_face = pieces.is_face[i] | (~is_wall & pieces.is_face[np.where(is_wall, 0, j)])
+    is_face = rows_of_faces(pieces.is_face, i, j)
     first = np.cumsum(room) - room
     faces = FacePairs(
         first[is_face].astype(np.int32), room[is_face].astype(np.int32),
@@ -214,6 +219,21 @@ def _enter_point(
 
 
 @kernel
+def _fastest_of(
+    scene: Scene, pieces: Pieces, start: Floats, free: Floats, faces: FacePairs, contacts: Contacts
+) -> tuple[Floats, float]:
+    """No points of a pair approach faster with either velocities [m/s], ``(f,)``; and the rms."""
+    speed, squares = np.empty(faces.first.size), 0.0
+    for f in range(faces.first.size):
+        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        speed[f] = max(
+            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
+        )
+        squares += speed[f] * speed[f]
+    return speed, sqrt(squares / speed.size)
+
+
+@kernel
 def begin_faces(
     scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, free: Floats, dt: float,
     ratio: float, least: float, ahead: float, faces: FacePairs, most: int,
@@ -223,22 +243,17 @@ def begin_faces(
 
     Arguments as `begin_walls`; ``most`` is the largest room of a pair. Points count up to a gap of
     ``least`` [m], up to what the pair closes within the time ``ahead`` [s] with its velocities
-    ``start`` or ``free``, and up to what it may close once it is struck. A point that is new takes the impulse of one of its pair that is no more.
-    Points of grains that are ``stopped``, shape ``(n,)``, do not rebound (`stop_rebounds`).
-    **Modifies** ``contacts``. Also returns the gap up to which there should have been room [m], 0
-    if there was room for all, and the smallest gap of each pair that did not count, shape ``(f,)``.
+    ``start`` or ``free``, and up to what it may close once it is struck. A point that is new takes
+    the impulse of one of its pair that is no more. Points of grains that are ``stopped``, shape
+    ``(n,)``, do not rebound (`stop_rebounds`). **Modifies** ``contacts``. Also returns the gap up
+    to which there should have been room [m], 0 if there was room for all, and the smallest gap of
+    each pair that did not count, shape ``(f,)``.
     """
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    lacking, beyond, speed = 0.0, np.full(faces.first.size, inf), np.empty(faces.first.size)
-    rms = 0.0
-    for f in range(faces.first.size):
-        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
-        speed[f] = max(
-            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
-        )
-        rms += speed[f] * speed[f] / faces.first.size
-    least = max(least, STRUCK * dt * sqrt(rms))
+    lacking, beyond = 0.0, np.full(faces.first.size, inf)
+    speed, rms = _fastest_of(scene, pieces, start, free, faces, contacts)
+    least = max(least, STRUCK * dt * rms)
     for f in range(faces.first.size):
         base, room = faces.first[f], faces.room[f]
         i, j = contacts[base].i, contacts[base].j
@@ -303,15 +318,12 @@ def stop_rebounds(
     of the grains [kg]. Returns whether there are such grains among those that were not marked in
     ``stopped``, **modified**, shape ``(n,)``.
     """
-    count, most = scene.radius.size, 0.0
-    made = np.zeros(faces.first.size)
+    count, most, made = scene.radius.size, 0.0, np.zeros(faces.first.size)
+    speed, _ = _fastest_of(scene, pieces, start, free, faces, contacts)
     for f in range(faces.first.size):
         i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
         reduced = mass[i] * mass[j] / (mass[i] + mass[j]) if j < count else mass[i]
-        fastest = max(
-            fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
-        )
-        most = max(most, 0.5 * reduced * fastest * fastest)
+        most = max(most, 0.5 * reduced * speed[f] * speed[f])
         for c in range(faces.first[f], faces.first[f] + faces.room[f]):
             contact = contacts[c]
             if contact.gap < inf and contact.p_n > 0.0:

@@ -24,13 +24,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.contacts import Contacts, Speeds, normal_velocity
 from multicor_cli.engine.contact.impacts import COLUMNS, U_N, Impacts, hit
 from multicor_cli.engine.contact.law import GRAZE
-from multicor_cli.engine.contact.meetings import (
-    Air,
-    Walls,
-    discs_meet_soon,
-    meets,
-    relative,
-)
+from multicor_cli.engine.contact.meetings import Air, Walls, discs_meet_soon, meets, relative
 from multicor_cli.engine.geometry.neighbors import Around
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, known_geometry

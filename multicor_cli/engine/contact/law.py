@@ -59,14 +59,9 @@ def bias(gap: float, normal_velocity: float, restitution: float, dt: float) -> f
 
 @formula
 def solve_exact(
-    p_n: float,
-    p_t: float,
-    u_n: float,
-    u_t: float,
-    w_n_inverse: float,
-    w_t_inverse: float,
+    p_n: float, p_t: float, u_n: float, u_t: float, w_n_inverse: float, w_t_inverse: float,
     mu: float,
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Exact solution of one contact whose Delassus matrix is diagonal (discs, spheres).
 
     Takes impulses now [N s], ``u_n + b`` and u_t that go with them [m/s], 1/W_nn, 1/W_tt [kg] and
@@ -111,14 +106,9 @@ def predict_and_correct(
 
 @formula
 def solve_bipotential(
-    p_n: float,
-    p_t: float,
-    u_n: float,
-    u_t: float,
-    w_n_inverse: float,
-    w_t_inverse: float,
+    p_n: float, p_t: float, u_n: float, u_t: float, w_n_inverse: float, w_t_inverse: float,
     mu: float,
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """One predictor–corrector step of the bipotential method; arguments as `solve_exact`."""
     return predict_and_correct(
         p_n, p_t, u_n, u_t, bipotential_parameter(w_n_inverse, w_t_inverse), mu

@@ -13,12 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.neighbors import Around
-from multicor_cli.engine.geometry.scene import (
-    Scene,
-    distance_to_whole,
-    nearest_image,
-    placed_shape,
-)
+from multicor_cli.engine.geometry.scene import Scene, distance_to_whole, nearest_image, placed_shape
 from multicor_cli.engine.jit.compile import loop_body
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import ANGLE, SPIN, XX, XY, YY, X, Y

@@ -24,13 +24,11 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.face_sweep import I_NN, I_NT, I_TT, FaceBatches
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
+from multicor_cli.engine.contact.rolling import couple_square, couple_velocity, push_couple
 from multicor_cli.engine.contact.sweep import (
     System,
-    couple_square,
-    couple_velocity,
     general_velocity,
     pull_gradient,
-    push_couple,
     push_general,
     push_lane,
 )

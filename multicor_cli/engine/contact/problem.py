@@ -209,14 +209,9 @@ def solve_contacts(
         else system.general_impulse.copy()
     )
     return ContactSolution(
-        result,
-        velocity,
-        outcome.converged,
-        outcome.sweeps,
-        outcome.rms,
-        outcome.maximum,
+        result, velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum,
         outcome.energy,
-    )
+    )  # fmt: skip
 
 
 def free_velocity(problem: ContactProblem) -> Floats:
@@ -254,25 +249,15 @@ def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     velocity[:, :INVERSE_MASS] = problem.velocity
     nothing = OneByOne(np.empty((0, 2), np.int32), np.empty((0, 5)), np.empty((0, 2)))
     return _system(
-        batch(nothing, velocity),
-        problem.inverse_mass.copy(),
-        problem.pair.astype(np.int32),
-        frame,
-        problem.levers(),
-        impulse,
-        1.0,
-    )
+        batch(nothing, velocity), problem.inverse_mass.copy(), problem.pair.astype(np.int32), frame,
+        problem.levers(), impulse, 1.0,
+    )  # fmt: skip
 
 
 def _system(
-    diagonal: Batches,
-    inverse: Floats,
-    pair: Ints,
-    frame: Floats,
-    lever: Floats,
-    impulse: Floats,
+    diagonal: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
     spin_factor: float,
-) -> System:
+) -> System:  # fmt: skip
     count = int(np.count_nonzero(diagonal.slot >= 0)) + len(pair)
     return System(
         diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
@@ -331,14 +316,9 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     diagonal = batch(OneByOne(pair, frame, impulse), velocity)
     nothing = np.empty((0, 2), np.int32)
     system = _system(
-        diagonal,
-        np.zeros((bodies, 3)),
-        nothing,
-        np.empty((0, 8)),
-        np.empty((0, 2, 2)),
-        np.empty((0, 2)),
-        float(beta[0]),
-    )
+        diagonal, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)),
+        np.empty((0, 2)), float(beta[0]),
+    )  # fmt: skip
     return system, arm
 
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from multicor_cli.engine.contact.face_sweep import first_of_batches, measure_faces
 from multicor_cli.engine.contact.law import solve_exact
+from multicor_cli.engine.contact.rolling import measure_couples
 from multicor_cli.engine.contact.sweep import (
     CellTerms,
     System,
     correction,
     general_solution,
     general_velocity,
-    measure_couples,
     stretch_of,
 )
 from multicor_cli.engine.contact.vector_sweep import (
@@ -124,16 +124,9 @@ _measure = _measure_vectors if HAS_VECTORS else measure_scalar
 
 @loop_body
 def _measure_chunk(
-    chunk: int,
-    batches: int,
-    velocity: Floats,
-    pair: Ints,
-    frame: Floats,
-    impulse: Floats,
-    beta: float,
-    cell: CellTerms,
-    partial: Floats,
-) -> None:
+    chunk: int, batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    beta: float, cell: CellTerms, partial: Floats,
+) -> None:  # fmt: skip
     last = min(batches, (chunk + 1) * _BATCHES)
     squares, normal, tangential, largest, active = _measure(
         chunk * _BATCHES, last, velocity, pair, frame, impulse, beta, cell
@@ -148,15 +141,9 @@ def _measure_chunk(
 
 @threaded_loop
 def _measure_chunks(
-    batches: int,
-    velocity: Floats,
-    pair: Ints,
-    frame: Floats,
-    impulse: Floats,
-    beta: float,
-    cell: CellTerms,
-    partial: Floats,
-) -> None:
+    batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float,
+    cell: CellTerms, partial: Floats,
+) -> None:  # fmt: skip
     for chunk in prange(partial.shape[0]):
         _measure_chunk(chunk, batches, velocity, pair, frame, impulse, beta, cell, partial)
 

@@ -23,6 +23,7 @@ from multicor_cli.engine.contact.faces import (
     carried_points,
     make_room,
     recall_points,
+    rows_of_faces,
 )
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
@@ -54,14 +55,9 @@ solve."""
 
 @parallel_kernel
 def fastest_approach(
-    scene: Scene,
-    pieces: Pieces | None,
-    row: NDArray[np.int64],
-    partner: Ints,
-    start: Floats,
-    free: Floats,
-    cutoff: float,
-) -> float:
+    scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints, start: Floats,
+    free: Floats, cutoff: float,
+) -> float:  # fmt: skip
     """Largest speed of approach of the listed pairs with a gap below ``cutoff`` [m], or 0 [m/s].
 
     At q_m, with the velocities ``start`` or ``free``, whichever approach faster; of grains that are
@@ -167,16 +163,9 @@ def beside_gap(
 
 @parallel_kernel
 def find_closing(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    start: Floats,
-    end: Floats,
-    cutoff: float,
-    dt: float,
-    reach: float,
-) -> tuple[bool, float]:
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, start: Floats, end: Floats,
+    cutoff: float, dt: float, reach: float,
+) -> tuple[bool, float]:  # fmt: skip
     """Pairs that are no contacts although they close within ``dt`` or are within ``reach`` [m].
 
     ``start`` and ``end`` are velocities with either of which they may, ``cutoff`` a gap that no
@@ -387,12 +376,9 @@ class Selection:
         return schedule
 
     def _are_faces(self) -> NDArray[np.bool_] | None:
-        if not self.faces.first.size:
+        if self._pieces is None or not self.faces.first.size:
             return None
-        change = np.zeros(self.i.size + 1, np.int64)
-        change[self.faces.first] += 1
-        change[self.faces.first + self.faces.room] -= 1
-        return np.asarray(np.cumsum(change[:-1]) > 0)
+        return rows_of_faces(self._pieces.is_face, self.i, self.j)
 
     def pairs_with(self, overlaps: NDArray[np.bool_]) -> tuple[Ints, Ints]:
         """Those pairs of grains with corners that overlap, shape ``(f,)``, and all others."""

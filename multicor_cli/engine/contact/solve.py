@@ -23,6 +23,7 @@ from multicor_cli.engine.contact.acceleration import (
     start_momentum,
     step_back,
 )
+from multicor_cli.engine.contact.contacts import Speeds
 from multicor_cli.engine.contact.patches import (
     BLOCKS,
     SIZES,
@@ -118,6 +119,44 @@ class ResidualScale:
     load: float = 0.0
     lost: float = 1.0
 
+    @classmethod
+    def of(
+        cls, speeds: Speeds, mass: float, count: int, weight: float, thrust: float,
+        attraction: float, restitution: Floats,
+    ) -> ResidualScale:  # fmt: skip
+        """What residuals of a step are measured against (theory §5.3).
+
+        Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
+        the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
+        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load the
+        attraction over m̄ stands in for them.
+
+        Args:
+            speeds: Sums over the contacts.
+            mass: Mass M of all grains [kg].
+            count: Their number, M/m̄.
+            weight: Δt |g| [m/s].
+            thrust: Δt P d̄ [N s].
+            attraction: Largest F Δt of a contact [N s].
+            restitution: Coefficients of all pairs of materials.
+        """
+        mean_mass, closing = mass / count, speeds.closing
+        load = max(
+            max(weight, thrust / mean_mass) or attraction / mean_mass,
+            math.sqrt(speeds.squares / closing) if closing else 0.0,
+        )
+        mean_slip = speeds.slip / speeds.loaded if speeds.loaded else 0.0
+        reference = max(load, SLIPS * mean_slip)
+        bounce = float(restitution.max()) if closing else 0.0
+        return cls(
+            max(load, SLIPS_RMS * mean_slip),
+            reference,
+            0.5 * mass * ((load or reference) * reference),
+            speeds.motion / speeds.met if speeds.met else math.inf,
+            load,
+            max(1.0 - bounce * bounce, LEAST_LOSS),
+        )
+
     def tolerances(self, settings: Settings) -> Tolerances:
         rms = settings.tolerance_rms * self.rms
         share = FLOW_SHARE
@@ -130,6 +169,9 @@ class ResidualScale:
             min(1.0, PER_LOSS * self.lost, max(share * self.motion, REST_FLOOR * self.rms) / rms),
         )
 
+
+SLIPS_RMS, SLIPS = 50.0, 10.0
+"""Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 
 REST_SHARE, FLOW_SHARE, PER_LOAD = 0.02, 0.04, 0.4
 """Largest rms correction over the motion that there is, where sweeps allow: at rest, in a flow, and
@@ -195,17 +237,9 @@ def solve_system(
                 use_threads(pace.threads)
             done, started = float(loop["sweeps"]), time.perf_counter()
             iterate(
-                system,
-                momentum,
-                local,
-                settings.method == "accelerated",
-                parallel,
-                limit,
-                is_last,
-                tolerance,
-                memory,
-                partial,
-            )
+                system, momentum, local, settings.method == "accelerated", parallel, limit, is_last,
+                tolerance, memory, partial,
+            )  # fmt: skip
             pace.note(
                 count,
                 parallel,
@@ -220,16 +254,9 @@ def solve_system(
                 elif is_clustered:
                     contact = choose_patch(system, BLOCKS[(done - len(SIZES)) % len(BLOCKS)], met)
                     _take_turns(
-                        system,
-                        contact,
-                        momentum,
-                        local,
-                        parallel,
-                        tolerance,
-                        memory,
-                        partial,
+                        system, contact, momentum, local, parallel, tolerance, memory, partial,
                         should_stop,
-                    )
+                    )  # fmt: skip
                 keep_in_mind(system, met)
                 begin_again(system, momentum, is_clustered, loop)
             _ask(should_stop)
@@ -254,16 +281,10 @@ TURNS, SWEEPS, FUTILE = 40, 10, 12
 
 
 def _take_turns(
-    system: System,
-    contact: NDArray[np.int64],
-    momentum: Momentum,
-    local: int,
-    parallel: bool,
-    tolerance: Tolerances,
-    memory: NDArray[np.void],
-    partial: Floats,
+    system: System, contact: NDArray[np.int64], momentum: Momentum, local: int, parallel: bool,
+    tolerance: Tolerances, memory: NDArray[np.void], partial: Floats,
     should_stop: Callable[[], bool] | None,
-) -> None:
+) -> None:  # fmt: skip
     """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel.
 
     A patch that is solved once and then swept over like everything else is left again, because its
@@ -282,16 +303,8 @@ def _take_turns(
         begin_again(system, momentum, False, loop)
         mass = hold(system, contact)
         iterate(
-            system,
-            momentum,
-            local,
-            True,
-            parallel,
-            int(loop["sweeps"]) + SWEEPS,
-            False,
-            NEVER,
-            memory,
-            partial,
-        )
+            system, momentum, local, True, parallel, int(loop["sweeps"]) + SWEEPS, False, NEVER,
+            memory, partial,
+        )  # fmt: skip
         step_back(system, momentum)
         release(system, contact, mass)

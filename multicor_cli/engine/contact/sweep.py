@@ -1,6 +1,7 @@
 """Gauss–Seidel sweeps over contacts, matrix-free: each contact updates velocities in place.
 
-Two kinds of contact, and couples of rolling resistance, relaxed after them:
+Two kinds of contact, and couples of rolling resistance, relaxed after them
+(`multicor_cli.engine.contact.rolling`):
 
 * *diagonal* ones between bodies with one inverse mass (grains, wall proxies): the Delassus matrix
   is diagonal, W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of
@@ -30,6 +31,7 @@ from multicor_cli.engine.contact.law import (
     solve_exact,
     solve_full,
 )
+from multicor_cli.engine.contact.rolling import NO_COUPLES, Couples, push_couple, relax_couples
 from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
     BRANCH_Y_,
@@ -76,133 +78,6 @@ from multicor_cli.model.columns import (
 )
 from multicor_cli.model.model import Floats, Ints
 
-# ---- Couples of rolling resistance: further unknowns, relaxed after all contacts (theory §3.2).
-#
-# In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r
-# q_n, where p_r is the impulse of the couple over a*. It acts on spins alone and takes its bound
-# from the normal impulse of its contact, so neither the contacts nor their vectors know of it.
-# Couples are relaxed serially, in the order of their contacts; one takes some three times as long
-# as a diagonal contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
-
-
-class Couples(NamedTuple):
-    """The couples of a `System`, ``k`` rows; none where there is no rolling resistance.
-
-    Attributes:
-        contact: Contact behind each, shape ``(k,)``.
-        place: Where its normal impulse is: in the flat ``impulse`` of the system, or -1 - g for the
-            general contact g, shape ``(k,)``.
-        body: Rows of its bodies, shape ``(k, 2)``.
-        arm: Factors of both third velocities in u_r: a*/a for grains, a* [m] for walls, ``(k, 2)``.
-        limit: μ_r, shape ``(k,)``.
-        inverse: 1/W_rr [kg], shape ``(k,)``.
-        impulse: p_r [N s], shape ``(k,)``. **Modified by sweeps.**
-        turning: What the running surface of a wall takes from u_r [m/s], shape ``(k,)``.
-    """
-
-    contact: Ints
-    place: NDArray[np.int64]
-    body: Ints
-    arm: Floats
-    limit: Floats
-    inverse: Floats
-    impulse: Floats
-    turning: Floats
-
-
-_NONE = np.empty(0)
-NO_COUPLES = Couples(
-    np.empty(0, np.int32), np.empty(0, np.int64), np.empty((0, 2), np.int32), np.empty((0, 2)),
-    _NONE, _NONE, _NONE, _NONE
-)  # fmt: skip
-
-
-@formula
-def solve_rolling(p_r: float, u_r: float, w_inverse: float, bound: float) -> float:
-    """Exact p_r of one couple with all else held [N s]: stick, cut to ± μ_r q_n (theory §3.2)."""
-    return min(max(p_r - u_r * w_inverse, -bound), bound)
-
-
-@loop_body
-def _bound(k: int, couples: Couples, impulse: Floats, general_impulse: Floats) -> float:
-    """μ_r q_n; ``impulse`` flat."""
-    place = couples.place[k]
-    q_n = impulse[place] if place >= 0 else general_impulse[-1 - place, NORMAL]
-    return couples.limit[k] * q_n
-
-
-@loop_body
-def couple_velocity(k: int, couples: Couples, velocity: Floats) -> float:
-    """u_r [m/s]; ``velocity`` as in `System`."""
-    i, j = couples.body[k, FIRST], couples.body[k, SECOND]
-    turning = (
-        couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
-    )
-    return turning - couples.turning[k]
-
-
-@loop_body
-def push_couple(k: int, d_r: float, couples: Couples, velocity: Floats, inverse: Floats) -> None:
-    """Change the spins of both bodies by an impulse of a couple. Arrays as in `System`."""
-    i, j = couples.body[k, FIRST], couples.body[k, SECOND]
-    velocity[i, SURFACE] += inverse[i, SPIN] * couples.arm[k, FIRST] * d_r
-    velocity[j, SURFACE] -= inverse[j, SPIN] * couples.arm[k, SECOND] * d_r
-
-
-@loop_body
-def relax_couples(
-    velocity: Floats, inverse: Floats, couples: Couples, impulse: Floats, general_impulse: Floats,
-    before: Floats,
-    extrapolation: float,
-) -> float:  # fmt: skip
-    """Relax all couples, extrapolated first; returns Σ of corrections² [m²/s²]; impulses flat."""
-    total = 0.0
-    for k in range(couples.impulse.size):
-        now = couples.impulse[k]
-        p_r = now + extrapolation * (now - before[k])
-        bound = _bound(k, couples, impulse, general_impulse)
-        new = solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound)
-        couples.impulse[k], before[k] = new, now
-        push_couple(k, new - p_r, couples, velocity, inverse)
-        correction = (new - p_r) / couples.inverse[k]
-        total += correction * correction
-    return total
-
-
-@loop_body
-def couple_square(
-    k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
-) -> float:
-    """Square of e_r of one couple [m²/s²], arguments as `relax_couples`."""
-    p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
-    correction = (
-        solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound) - p_r
-    ) / couples.inverse[k]
-    return correction * correction
-
-
-@loop_body
-def measure_couples(
-    velocity: Floats, couples: Couples, impulse: Floats, general_impulse: Floats
-) -> tuple[float, float, float, float]:
-    """Residuals of the couples, arguments as `relax_couples`.
-
-    Returns Σ e_r² and the largest e_r² of their velocity corrections e_r [m²/s²], the power Σ p_r
-    e_r [J], and the number of couples with p_r ≠ 0 or e_r ≠ 0.
-    """
-    squares, largest, power, active = 0.0, 0.0, 0.0, 0.0
-    for k in range(couples.impulse.size):
-        p_r = couples.impulse[k]
-        bound = _bound(k, couples, impulse, general_impulse)
-        new = solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound)
-        correction = (new - p_r) / couples.inverse[k]
-        squares += correction * correction
-        largest = max(largest, correction * correction)
-        power += p_r * correction
-        active += 1.0 if p_r != 0.0 or correction != 0.0 else 0.0
-    return squares, largest, power, active
-
-
 # ---- General contacts: with walls that have free degrees of freedom, or of arbitrary problems.
 #
 # Their Delassus matrix is full and every degree of freedom has its inverse mass; they are relaxed
@@ -235,16 +110,9 @@ NO_CELL = CellTerms(np.empty((0, 2, LANES)), np.empty((0, 2)), 0, np.empty((0, 3
 
 @loop_body
 def push_general(
-    g: int,
-    d_n: float,
-    d_t: float,
-    velocity: Floats,
-    inverse: Floats,
-    pair: Ints,
-    frame: Floats,
-    lever: Floats,
-    cell: CellTerms,
-) -> None:
+    g: int, d_n: float, d_t: float, velocity: Floats, inverse: Floats, pair: Ints, frame: Floats,
+    lever: Floats, cell: CellTerms,
+) -> None:  # fmt: skip
     """Change the velocities of the two bodies of a contact by an impulse. Arrays as in `System`."""
     nx, ny = frame[g, NX], frame[g, NY]
     px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
@@ -698,26 +566,16 @@ def sweep(
             way.extrapolation, parallel, partial, gradient, inverse, s.cell.own,
         )  # fmt: skip
     return total + relax_couples(
-        s.velocity,
-        s.inverse,
-        s.couples,
-        impulse,
-        s.general_impulse,
-        before.couple,
+        s.velocity, s.inverse, s.couples, impulse, s.general_impulse, before.couple,
         way.extrapolation,
-    )
+    )  # fmt: skip
 
 
 @formula
 def push_lane(
-    lane: np.uint64,
-    d_n: float,
-    d_t: float,
-    velocity: Floats,
-    pair: Ints,
-    frame: Floats,
+    lane: np.uint64, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats,
     beta: float,
-) -> None:
+) -> None:  # fmt: skip
     """Change the velocities of the two bodies of a diagonal contact by an impulse; arrays flat."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])

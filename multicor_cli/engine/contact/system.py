@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.adhesion import net_impulses
-from multicor_cli.engine.contact.contacts import (
-    Contacts,
-    Speeds,
-    contact_after,
-    couples_of,
-    pack_couples,
-)
+from multicor_cli.engine.contact.contacts import Contacts, Speeds, contact_after
 from multicor_cli.engine.contact.face_sweep import FaceBatches
 from multicor_cli.engine.contact.faces import (
     batch_points,
@@ -25,13 +19,8 @@ from multicor_cli.engine.contact.faces import (
     unpack_points,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
-from multicor_cli.engine.contact.sweep import (
-    NO_CELL,
-    NO_COUPLES,
-    CellTerms,
-    System,
-    add_impulses,
-)
+from multicor_cli.engine.contact.rolling import NO_COUPLES, couples_of, pack_couples
+from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
 from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.arrays import CHUNK, aligned
@@ -144,14 +133,9 @@ def _blocks(rows: NDArray[Any]) -> NDArray[Any]:
 
 @parallel_kernel
 def pack_bodies(
-    scene: Scene,
-    before: Floats,
-    free: Floats,
-    place: Ints,
-    velocity: Floats,
-    start: Floats,
+    scene: Scene, before: Floats, free: Floats, place: Ints, velocity: Floats, start: Floats,
     middle: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Copy bodies into the rows of a `Schedule`: grains to their ``place``, then walls.
 
     Velocities at the start of the step ``before``, and ``free`` ones, have shape ``(n + w, 4)``.
@@ -207,16 +191,9 @@ def begin_grains(
 
 @kernel
 def place_walls(
-    scene: Scene,
-    contacts: Contacts,
-    belt: Floats,
-    walls: Ints,
-    lane: Ints,
-    pair: Ints,
-    velocity: Floats,
-    frame: Floats,
-    impulse: Floats,
-) -> None:
+    scene: Scene, contacts: Contacts, belt: Floats, walls: Ints, lane: Ints, pair: Ints,
+    velocity: Floats, frame: Floats, impulse: Floats,
+) -> None:  # fmt: skip
     """Copy contacts with walls into their lanes, and give their proxies velocities.
 
     Arrays as in `Schedule`; ``velocity``, ``frame`` and ``impulse`` are **modified**. ``belt`` as
@@ -426,15 +403,9 @@ def _branches(contacts: Contacts, points: Ints) -> Floats:
 
 
 def assemble(
-    scene: Scene,
-    contacts: Contacts,
-    schedule: Schedule,
-    belt: Floats,
-    wall_inverse: Floats,
-    spin_factor: float,
-    has_couples: bool,
-    has_faces: bool,
-) -> OrderedSystem:
+    scene: Scene, contacts: Contacts, schedule: Schedule, belt: Floats, wall_inverse: Floats,
+    spin_factor: float, has_couples: bool, has_faces: bool,
+) -> OrderedSystem:  # fmt: skip
     """The problem of a step, whose contacts have begun (`begin_grains`, `begin_walls`).
 
     ``wall_inverse`` are inverse masses per degree of freedom, shape ``(w, 3)``, ``belt`` is that of
@@ -520,13 +491,9 @@ def tabulate_contacts(moved: Moved | None, has_couples: bool, has_faces: bool) -
         -radius[of_discs, np.newaxis] * np.column_stack([contacts["nx"], contacts["ny"]])[of_discs]
     )
     return ContactTable(
-        contacts["i"].copy(),
-        contacts["j"].copy(),
-        np.column_stack([contacts["nx"], contacts["ny"]]),
-        contacts["gap"].copy(),
+        contacts["i"].copy(), contacts["j"].copy(),
+        np.column_stack([contacts["nx"], contacts["ny"]]), contacts["gap"].copy(),
         net_impulses(np.column_stack([q_n, p_t]), contacts["attraction"]),
-        _slips(scene, contacts, after),
-        sliding,
-        arm=arm if has_faces else None,
+        _slips(scene, contacts, after), sliding, arm=arm if has_faces else None,
         couple=couples_of(contacts) if has_couples else None,
-    )
+    )  # fmt: skip

@@ -37,16 +37,7 @@ from multicor_cli.engine.contact.vector_sweep import (
 from multicor_cli.engine.jit.compile import loop_body
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
-from multicor_cli.model.columns import (
-    BIAS,
-    MU,
-    NORMAL,
-    NX,
-    NY,
-    TANGENTIAL,
-    X,
-    Y,
-)
+from multicor_cli.model.columns import BIAS, MU, NORMAL, NX, NY, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 _Value = Any  # of LLVM

@@ -254,25 +254,26 @@ class _Sweep:
         self.code.store(array, start, normal)
         self.code.store(array, self.code.offset(start, LANES), tangential)
 
-    def over(self, first: _Value, last: _Value) -> None:
-        """All batches.
 
-        A pipeline, for a processor would wait for the results of one batch before it could begin
-        the next: while the changes of a batch are applied, the next is solved and the one after
-        that is gathered. A body comes again after two batches at the earliest, and there are at
-        least two batches or none.
-        """
-        code = self.code
-        with code.if_any(first, last):
-            solved = code.keep(self.solve(first, *self.gather(first)))
-            gathered = code.keep(self.gather(code.offset(first, 1)))
-            with code.each(code.offset(first, 2), last) as batch:
-                now, done = gathered.get(), solved.get()
-                self.apply(code.offset(batch, -2), *done)
-                solved.put(self.solve(code.offset(batch, -1), *now))
-                gathered.put(self.gather(batch))
-            self.apply(code.offset(last, -2), *solved.get())
-            self.apply(code.offset(last, -1), *self.solve(code.offset(last, -1), *gathered.get()))
+def over_batches(sweep: Any, first: _Value, last: _Value) -> None:
+    """Let a sweep ``gather``, ``solve`` and ``apply`` all batches.
+
+    A pipeline, for a processor would wait for the results of one batch before it could begin the
+    next: while the changes of a batch are applied, the next is solved and the one after that is
+    gathered. A body comes again after two batches at the earliest, and there are at least two
+    batches or none.
+    """
+    code: Writer = sweep.code
+    with code.if_any(first, last):
+        solved = code.keep(sweep.solve(first, *sweep.gather(first)))
+        gathered = code.keep(sweep.gather(code.offset(first, 1)))
+        with code.each(code.offset(first, 2), last) as batch:
+            now, done = gathered.get(), solved.get()
+            sweep.apply(code.offset(batch, -2), *done)
+            solved.put(sweep.solve(code.offset(batch, -1), *now))
+            gathered.put(sweep.gather(batch))
+        sweep.apply(code.offset(last, -2), *solved.get())
+        sweep.apply(code.offset(last, -1), *sweep.solve(code.offset(last, -1), *gathered.get()))
 
 
 @vector_loop(results=1)
@@ -285,7 +286,7 @@ def relax_batches(
     sweep = _Sweep(
         code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation)
     )
-    sweep.over(first, last)
+    over_batches(sweep, first, last)
     return [code.total(sweep.squares.get()[0])]
 
 
@@ -302,7 +303,7 @@ def relax_stretched_batches(
         code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation),
         stretch,
     )  # fmt: skip
-    sweep.over(first, last)
+    over_batches(sweep, first, last)
     stretch.finish()
     return [code.total(sweep.squares.get()[0])]
 
@@ -342,15 +343,9 @@ class ResidualSums:
 
 @vector_loop(results=5)
 def measure_batches(
-    code: Writer,
-    first: _Value,
-    last: _Value,
-    velocity: _Value,
-    pair: _Value,
-    frame: _Value,
-    impulse: _Value,
-    beta: _Value,
-) -> list[_Value]:
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
+    impulse: _Value, beta: _Value,
+) -> list[_Value]:  # fmt: skip
     """As `measure_scalar`."""
     return _measure(code, first, last, (velocity, pair, frame, impulse), beta, None)
 
@@ -419,15 +414,9 @@ def pull_batches(
 
 @vector_loop(results=2)
 def extrapolate_rows(
-    code: Writer,
-    first: _Value,
-    last: _Value,
-    now: _Value,
-    before: _Value,
-    change: _Value,
-    weight: _Value,
-    factor: _Value,
-) -> list[_Value]:
+    code: Writer, first: _Value, last: _Value, now: _Value, before: _Value, change: _Value,
+    weight: _Value, factor: _Value,
+) -> list[_Value]:  # fmt: skip
     """As `extrapolate_scalar`."""
     zero, by = code.number(0.0), code.spread(factor)
     sums = code.keep([zero, zero])

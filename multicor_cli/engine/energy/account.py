@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.contacts import Contacts, contact_after, rolling_loss
+from multicor_cli.engine.contact.contacts import Contacts, contact_after
+from multicor_cli.engine.contact.rolling import rolling_loss
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.contact.vector_step import (
     FRICTION,
@@ -230,16 +231,9 @@ def _brought_in(state: State) -> float:
 
 
 def book_step(
-    state: State,
-    motion: WallMotion,
-    sums: ContactSums,
-    kinetic: float,
-    gravity_work: float,
-    correction: Correction,
-    outcome: Outcome,
-    dt: float,
-    expansion_work: float = 0.0,
-) -> None:
+    state: State, motion: WallMotion, sums: ContactSums, kinetic: float, gravity_work: float,
+    correction: Correction, outcome: Outcome, dt: float, expansion_work: float = 0.0,
+) -> None:  # fmt: skip
     """Enter one step into the books, the tallies and the window of the time series.
 
     Wall velocities of ``state``, which is **modified**, and the ``kinetic`` energy of the
@@ -275,25 +269,11 @@ def _enter_adhesion(state: State, sums: ContactSums) -> float:
 
 @kernel
 def _enter_walls(
-    books: Floats,
-    before: Floats,
-    after: Floats,
-    driven: NDArray[np.bool_],
-    mass: Floats,
-    load: Floats,
-    stiffness: Floats,
-    damping: Floats,
-    weight: Floats,
-    belt_before: Floats,
-    belt: Floats,
-    wall_impulse: Floats,
-    belt_impulse: Floats,
-    kinetic: float,
-    gravity: float,
-    correction: Correction,
-    dt: float,
-    sums: Floats,
-) -> None:
+    books: Floats, before: Floats, after: Floats, driven: NDArray[np.bool_], mass: Floats,
+    load: Floats, stiffness: Floats, damping: Floats, weight: Floats, belt_before: Floats,
+    belt: Floats, wall_impulse: Floats, belt_impulse: Floats, kinetic: float, gravity: float,
+    correction: Correction, dt: float, sums: Floats,
+) -> None:  # fmt: skip
     """Enter energies and works; arrays of walls are those of `WallMotion`, shape ``(w, 3)``."""
     wall_work, load_work, lost = 0.0, 0.0, 0.0
     for w in range(before.shape[0]):

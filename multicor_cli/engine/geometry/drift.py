@@ -93,29 +93,13 @@ def _vector(i: int, vectors: Floats, origin: Floats, box: Box) -> tuple[float, f
 
 @formula
 def _add_sums(
-    first: int,
-    last: int,
-    vectors: Floats,
-    origin: Floats,
-    position: Floats,
-    box: Box,
-    row: int,
+    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, box: Box, row: int,
     out: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Write the sums of a chunk of grains. Numbers, not elements, are added to: 3 times faster."""
     sx, sy, sxx, sxy, syy, su, sv, sxu, sxv, syu, syv = (
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    )
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
         u, v = _vector(i, vectors, origin, box)
@@ -137,16 +121,9 @@ def _add_sums(
 
 @formula
 def _compare_with_fit(
-    first: int,
-    last: int,
-    vectors: Floats,
-    origin: Floats,
-    position: Floats,
-    box: Box,
-    fit: Floats,
-    row: int,
-    out: Floats,
-) -> None:
+    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, box: Box, fit: Floats,
+    row: int, out: Floats,
+) -> None:  # fmt: skip
     """Write the largest square of a deviation from the fit, and the largest components."""
     a_x, a_y, xx, xy, yx, yy = (
         fit[AT_ORIGIN, X],
@@ -310,15 +287,9 @@ def _norm(gradient: Floats) -> float:
 
 @parallel_kernel
 def cutoff_of_velocities(
-    scene: Scene,
-    bodies: Floats,
-    more: Floats,
-    first: Floats,
-    second: Floats,
-    extent: Floats,
-    dt: float,
-    diameter: float,
-) -> float:
+    scene: Scene, bodies: Floats, more: Floats, first: Floats, second: Floats, extent: Floats,
+    dt: float, diameter: float,
+) -> float:  # fmt: skip
     """A gap that no pair closes in ``dt`` [m].
 
     Velocities of grains are those of ``bodies``, grains first, or differ from them by up to
@@ -355,15 +326,9 @@ def cutoff_of_velocities(
 
 @parallel_kernel
 def approach_of_displacements(
-    kind: Ints,
-    position: Floats,
-    reference: Floats,
-    box: Box,
-    before: Floats,
-    now: Floats,
-    extent: float,
-    distance: float,
-) -> float:
+    kind: Ints, position: Floats, reference: Floats, box: Box, before: Floats, now: Floats,
+    extent: float, distance: float,
+) -> float:  # fmt: skip
     """How much closer pairs may have come that were ``distance`` [m] apart, or walls [m].
 
     Grains have gone from ``reference`` to ``position``, nearest image; wall shapes from ``before``

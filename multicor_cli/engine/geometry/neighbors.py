@@ -174,28 +174,11 @@ def _cells_within(
 
 @formula
 def _scan_row(
-    i: int,
-    grain_count: int,
-    center: Floats,
-    radius: Floats,
-    shape_of: Ints,
-    cutoff: float,
-    period: float,
-    height: float,
-    tilt: float,
-    level_cells: Floats,
-    level_radius: Floats,
-    origin: Floats,
-    level_start: Ints,
-    level_shape: Ints,
-    cell_start: Ints,
-    sorted_x: Floats,
-    sorted_y: Floats,
-    sorted_radius: Floats,
-    cell_disc: Ints,
-    out: Ints,
-    offset: int,
-) -> int:
+    i: int, grain_count: int, center: Floats, radius: Floats, shape_of: Ints, cutoff: float,
+    period: float, height: float, tilt: float, level_cells: Floats, level_radius: Floats,
+    origin: Floats, level_start: Ints, level_shape: Ints, cell_start: Ints, sorted_x: Floats,
+    sorted_y: Floats, sorted_radius: Floats, cell_disc: Ints, out: Ints, offset: int,
+) -> int:  # fmt: skip
     """Partners of grain ``i`` with a higher number go to ``out[offset:]``; returns how many.
 
     With a negative ``offset`` only a bound of their number is returned: all discs in the cells
@@ -246,18 +229,9 @@ def _scan_row(
 
 @kernel
 def _scan_shapes(
-    i: int,
-    grain_count: int,
-    center: Floats,
-    radius: Floats,
-    others: Ints,
-    kind: Ints,
-    world: Floats,
-    cutoff: float,
-    period: float,
-    out: Ints,
-    offset: int,
-) -> int:
+    i: int, grain_count: int, center: Floats, radius: Floats, others: Ints, kind: Ints,
+    world: Floats, cutoff: float, period: float, out: Ints, offset: int,
+) -> int:  # fmt: skip
     """As `_scan_row`, for the wall shapes that are not discs: ``others``, ascending."""
     found = 0
     for k in range(others.size):
@@ -283,28 +257,11 @@ def _sort(values: Ints, first: int, last: int) -> None:
 
 @parallel_kernel
 def list_pairs(
-    grain_count: int,
-    center: Floats,
-    radius: Floats,
-    shape_of: Ints,
-    others: Ints,
-    kind: Ints,
-    world: Floats,
-    cutoff: float,
-    period: float,
-    height: float,
-    tilt: float,
-    level_cells: Floats,
-    level_radius: Floats,
-    origin: Floats,
-    level_start: Ints,
-    level_shape: Ints,
-    cell_start: Ints,
-    sorted_x: Floats,
-    sorted_y: Floats,
-    sorted_radius: Floats,
-    cell_disc: Ints,
-) -> tuple[Ints, Ints]:
+    grain_count: int, center: Floats, radius: Floats, shape_of: Ints, others: Ints, kind: Ints,
+    world: Floats, cutoff: float, period: float, height: float, tilt: float, level_cells: Floats,
+    level_radius: Floats, origin: Floats, level_start: Ints, level_shape: Ints, cell_start: Ints,
+    sorted_x: Floats, sorted_y: Floats, sorted_radius: Floats, cell_disc: Ints,
+) -> tuple[Ints, Ints]:  # fmt: skip
     """All pairs with a gap below ``cutoff`` [m].
 
     Discs, ``center`` and ``radius`` [m], are the grains, then those of walls, whose shape numbers
@@ -332,18 +289,9 @@ def list_pairs(
                 )  # fmt: skip
                 beyond = at + found if is_writing else -1
                 found += _scan_shapes(
-                    grain,
-                    grain_count,
-                    center,
-                    radius,
-                    others,
-                    kind,
-                    world,
-                    cutoff,
-                    period,
-                    found_pairs,
-                    beyond,
-                )
+                    grain, grain_count, center, radius, others, kind, world, cutoff, period,
+                    found_pairs, beyond,
+                )  # fmt: skip
                 if is_writing:
                     _sort(found_pairs, at, at + found)
                     row[grain + 1] = found
@@ -383,19 +331,9 @@ def leave_out_unmet(
 
 
 def find_near(
-    grids: Grids,
-    grain_count: int,
-    center: Floats,
-    radius: Floats,
-    shape_of: Ints,
-    others: Ints,
-    kind: Ints,
-    world: Floats,
-    cutoff: float,
-    period: float,
-    height: float = 0.0,
-    tilt: float = 0.0,
-) -> tuple[NDArray[np.int64], Ints]:
+    grids: Grids, grain_count: int, center: Floats, radius: Floats, shape_of: Ints, others: Ints,
+    kind: Ints, world: Floats, cutoff: float, period: float, height: float = 0.0, tilt: float = 0.0,
+) -> tuple[NDArray[np.int64], Ints]:  # fmt: skip
     """All pairs with a gap below ``cutoff`` [m], whatever the grids; as `list_pairs`."""
     _, cells, largest, origin, start, shape = grids
     cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)

@@ -176,15 +176,9 @@ def distance_to_shape(
 
 @formula
 def is_near_shape(
-    x: float,
-    y: float,
-    radius: float,
-    shape: int,
-    kind: Ints,
-    world: Floats,
-    period: float,
+    x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float,
     cutoff: float,
-) -> bool:
+) -> bool:  # fmt: skip
     """Whether a grain is nearer than ``cutoff`` [m] to a wall shape, even if another is closer.
 
     For the neighbor list: `gap_to_shape` is infinite where another shape of the wall is closer.

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.faces import pieces_of_key, point_key
+from multicor_cli.engine.contact.faces import pieces_of_key, point_key, rows_of_faces
 from multicor_cli.engine.geometry.outlines import (
     NORMAL_X,
     NORMAL_Y,
@@ -110,15 +110,9 @@ def corners_of(model: Model, pieces: Pieces) -> Corners:
     )  # fmt: skip
 
 
-def rows_of_faces(pieces: Pieces, i: Ints, j: Ints) -> NDArray[np.bool_]:
-    """Which pairs have a grain that is no disc, shape ``(c,)``."""
-    is_grain = j < pieces.is_face.size
-    return np.asarray(pieces.is_face[i] | (is_grain & pieces.is_face[np.where(is_grain, j, 0)]))
-
-
 def corners_of_discs(scene: Scene, pieces: Pieces, i: Ints, j: Ints) -> NDArray[np.int64]:
     """As `rows_in_corners`, without the pairs of grains that are no discs."""
-    rows = np.flatnonzero(~rows_of_faces(pieces, i, j))
+    rows = np.flatnonzero(~rows_of_faces(pieces.is_face, i, j))
     return rows[rows_in_corners(scene, i[rows], j[rows])]
 
 

@@ -21,10 +21,9 @@ from multicor_cli.engine.contact.contacts import (
     Contacts,
     contact_after,
     relative_velocity,
-    rolled_loss,
-    rolling_loss,
     stretch_along,
 )
+from multicor_cli.engine.contact.rolling import rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.mechanism import HeatLaws, Indices

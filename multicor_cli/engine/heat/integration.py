@@ -371,15 +371,9 @@ class _Implicit(_SubStep):
                 break
             diagonal = problem.capacity + (DIAGONAL * h) * rates.total
             solve_linear(
-                problem.net,
-                diagonal,
-                DIAGONAL * h,
-                guess,
-                residual,
-                problem.capacity,
-                0.1 * target,
-                change,
-            )
+                problem.net, diagonal, DIAGONAL * h, guess, residual, problem.capacity,
+                0.1 * target, change,
+            )  # fmt: skip
             guess += change
             if not bool(np.isfinite(guess).all()):
                 self.is_solved = False

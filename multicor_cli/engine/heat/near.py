@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.faces import rows_of_faces
 from multicor_cli.engine.geometry.outlines import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.faces import Corners, rows_of_faces
+from multicor_cli.engine.heat.faces import Corners
 from multicor_cli.engine.heat.films import Film, film_conductances
 from multicor_cli.engine.heat.mechanism import HeatLaws, Rows
 from multicor_cli.engine.heat.views import Hulls, gaps_of_outlines, views_of_outlines
@@ -56,7 +57,7 @@ class NearOutlines:
     ) -> NearOutlines:  # fmt: skip
         """Those among near pairs; **modifies** their gaps [m], shape ``(e,)``: to the true ones."""
         pieces = turned(known.pieces, scene)
-        rows: Rows = np.flatnonzero(rows_of_faces(pieces, i, j))
+        rows: Rows = np.flatnonzero(rows_of_faces(pieces.is_face, i, j))
         normal = np.zeros((i.size, 2))
         gaps_of_outlines(scene, pieces, known.hulls, rows, i, j, gap, normal)
         return cls(rows, scene, pieces, known.corners, known.hulls, normal, of_sides, is_rough)

@@ -105,13 +105,11 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
         modulus=of_pairs(contact_modulus, "young", "poisson", missing=UNUSED_STIFFNESS),
         harmonic=of_pairs(harmonic_mean, "conductivity"),
         share=_complementary(of_pairs(formula, *names, missing=0.5)),
-        emissivity=of_each(float, "emissivity"),
-        emission=of_pairs(emission_factor, "emissivity"),
-        roughness=of_pairs(hypot, "roughness"),
-        slope=of_pairs(hypot, "asperity_slope"),
+        emissivity=of_each(float, "emissivity"), emission=of_pairs(emission_factor, "emissivity"),
+        roughness=of_pairs(hypot, "roughness"), slope=of_pairs(hypot, "asperity_slope"),
         microhardness=of_pairs(harmonic_mean, "microhardness", missing=UNUSED_STIFFNESS),
         wear=wear / hardness,
-    )
+    )  # fmt: skip
 
 
 def knows_flash(laws: HeatLaws) -> bool:

@@ -28,14 +28,9 @@ from multicor_cli.model.state import Presence, State
 
 @kernel
 def first_free(
-    place: Floats,
-    radius: float,
-    disc: Floats,
-    kind: Ints,
-    world: Floats,
-    is_met: NDArray[np.bool_],
-    period: float,
-) -> int:
+    place: Floats, radius: float, disc: Floats, kind: Ints, world: Floats,
+    is_met: NDArray[np.bool_], period: float,
+) -> int:  # fmt: skip
     """The first place where a grain overlaps nothing; −1 if there is none.
 
     Centers to try [m] have shape ``(k, 2)``, ``disc``, x, y and radius of the grains around [m],
@@ -74,14 +69,9 @@ def find_room(
     shapes = np.arange(model.shape_count)
     is_met = model.is_met(np.full(shapes.size, grain), shapes)
     found = first_free(
-        place,
-        radius,
-        _discs_near(low, high, model, state),
-        scene.kind,
-        scene.world,
-        is_met,
+        place, radius, _discs_near(low, high, model, state), scene.kind, scene.world, is_met,
         model.period,
-    )
+    )  # fmt: skip
     return None if found < 0 else (float(place[found, X]), float(place[found, Y]))
 
 

@@ -13,16 +13,9 @@ from multicor_cli.model.state import LARGEST
 
 @parallel_kernel
 def predict(
-    position: Floats,
-    velocity: Floats,
-    radius: Floats,
-    mass: Floats,
-    gravity: Floats,
-    dt: float,
-    middle: Floats,
-    start: Floats,
-    free: Floats,
-) -> bool:
+    position: Floats, velocity: Floats, radius: Floats, mass: Floats, gravity: Floats, dt: float,
+    middle: Floats, start: Floats, free: Floats,
+) -> bool:  # fmt: skip
     """Positions at mid-step and free velocities of the grains.
 
     **Modifies** ``middle``, q_m, and the grains of ``start`` and ``free``, bodies (v_x, v_y, a ω,
@@ -76,17 +69,9 @@ def are_sound(after: Floats, before: Floats, position: Floats, belt: Floats) -> 
 
 @parallel_kernel
 def move(
-    middle: Floats,
-    start: Floats,
-    after: Floats,
-    radius: Floats,
-    mass: Floats,
-    gravity: Floats,
-    spin_factor: float,
-    dt: float,
-    position: Floats,
-    velocity: Floats,
-) -> tuple[float, float]:
+    middle: Floats, start: Floats, after: Floats, radius: Floats, mass: Floats, gravity: Floats,
+    spin_factor: float, dt: float, position: Floats, velocity: Floats,
+) -> tuple[float, float]:  # fmt: skip
     """End of the step for the grains; ``spin_factor`` is β = m a²/I, other arrays as `predict`.
 
     **Modifies** ``position`` (x not yet wrapped) and ``velocity``. Returns the kinetic energy at

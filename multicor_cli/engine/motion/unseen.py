@@ -111,15 +111,9 @@ def _fastest(velocity: Floats) -> float:
 
 
 def stop_unseen(
-    state: State,
-    model: Model,
-    motion: WallMotion,
-    unseen: Unseen,
-    flying: NDArray[np.bool_] | None,
-    lists: NeighborList,
-    dt: float,
-    middle: Floats,
-) -> Floats | None:
+    state: State, model: Model, motion: WallMotion, unseen: Unseen,
+    flying: NDArray[np.bool_] | None, lists: NeighborList, dt: float, middle: Floats,
+) -> Floats | None:  # fmt: skip
     """Let ways that nobody has looked at end where they meet something, if any leads through it.
 
     Not those of grains that are ``flying``, whose impacts have been found (`contact.flight`).
@@ -241,15 +235,10 @@ def _is_seen(paths: Paths, i: int, j: int, met: float, end: float) -> bool:
 
 @kernel
 def find_passing(
-    paths: Paths,
-    row: NDArray[np.int64],
-    partner: Ints,
-    unseen: NDArray[np.bool_],
-    unseen_walls: NDArray[np.bool_],
-    flying: NDArray[np.bool_],
-    end: float,
+    paths: Paths, row: NDArray[np.int64], partner: Ints, unseen: NDArray[np.bool_],
+    unseen_walls: NDArray[np.bool_], flying: NDArray[np.bool_], end: float,
     passing: NDArray[np.bool_],
-) -> bool:
+) -> bool:  # fmt: skip
     """Whether anything is passed unseen until ``end`` [s], half a step.
 
     ``unseen`` and ``unseen_walls`` are those whose ways nobody has looked at, ``passing``

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from multicor_cli.scenario.checks import cell, grains, laws, shapes, stages
+from multicor_cli.scenario.checks import cell, grains, laws, stages
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.tables import PartialScenario
 
@@ -16,7 +16,7 @@ def check_all(tables: PartialScenario) -> list[Refused]:
         grains.check,
         grains.check_inflow,
         grains.check_walls,
-        shapes.check,
+        laws.check_shapes,
         stages.check,
         stages.check_ends,
         stages.check_timing,

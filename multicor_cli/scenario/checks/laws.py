@@ -122,6 +122,24 @@ def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
         yield Refused(("contacts",), f"no contact law for {pairs}", remedy)
 
 
+def check_shapes(tables: PartialScenario) -> Iterator[Refused]:
+    """Findings about laws and mechanisms that take grains for discs, if some are no discs."""
+    shaped = [group for _, group in given(tables.particles) if group.outline is not None]
+    if not shaped:
+        return
+    grains = f"the grains of '{shaped[0].name}', which are no discs"
+    materials = {group.material for group in shaped}
+    for k, entry in given(tables.contacts):
+        if entry.rolling_friction and not materials.isdisjoint(entry.pair):
+            what = f"rolling resistance of {entry.rolling_friction:g} is not known of {grains}"
+            remedy = 'remove it, or use shape = "disc" in all groups'
+            yield Refused(("contacts", k, "rolling_friction"), what, remedy)
+    gas = tables.heat.gas if tables.heat is not None else None
+    if gas is not None and gas.model != "parallel":
+        what = f'"{gas.model}" is a formula for spheres, but there are {grains}'
+        yield Refused(("heat", "gas", "model"), what, 'use "parallel"')
+
+
 # ---- Thermal keys have an effect: `[heat]`, stages, walls and gas can do what is asked of them
 
 

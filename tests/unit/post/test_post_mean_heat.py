@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cells import THICKNESS, make_cell, square_of_discs
+from heat_parts import with_heat
 from made_up_frames import frame_of, source_of
 
 from multicor_cli import post
-from multicor_cli.model import Thermal
 from multicor_cli.model.books import GRADIENT_BOOKS
 from multicor_cli.post import Selection
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES
@@ -31,9 +31,8 @@ def run_of(count=4000, frames=12, *, rate=RATE, gradient=G, thickness=THICKNESS,
     rows of the series between two of them."""
     random = np.random.default_rng(11)
     model, _ = make_cell(random.uniform(0.0, 5.0, (count, 2)), np.full(count, 0.5), (WIDTH, HEIGHT))
-    surface = np.pi * thickness * np.ones(count)
-    thermal = Thermal(np.full(count, 2.0), np.full(count, 300.0), surface)
-    model = replace(model, thermal=thermal, heat_gradient=tuple(gradient.tolist()))
+    model = with_heat(model, capacity=2.0, thickness=thickness)
+    model = replace(model, heat_gradient=tuple(gradient.tolist()))
     steps = random.normal(size=(frames, count, 2)) * np.sqrt(2.0 * DIFFUSION)
     way = np.cumsum(steps, axis=0) + 0.5 * random.normal(size=(frames, count, 2))
     warm = 300.0 + random.normal(size=(frames, count))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from matplotlib.path import Path
-from shaped_run import ANGLE, DISC, DUMBBELL, FRAME, PENTAGON, ROD, box, make_outlines, regular
+from shaped_run import ANGLE, DISC, DUMBBELL, FRAME, PENTAGON, ROD, box, make_outlines
+from shapes import regular
 
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.post.rings import FINE, Rings, joined, rings_of

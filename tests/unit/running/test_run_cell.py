@@ -17,13 +17,7 @@ from multicor_cli.model import State
 from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.state import find_misfit
 from multicor_cli.packing import build
-from multicor_cli.running.conditions import (
-    BLOCKS,
-    Aim,
-    CellSteady,
-    CellStressReached,
-    StepDone,
-)
+from multicor_cli.running.conditions import BLOCKS, Aim, CellSteady, CellStressReached, StepDone
 from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import foresee_steps
 from multicor_cli.running.time_step import scales_of_stage

@@ -193,7 +193,6 @@ def hard_step():
     scale = ResidualScale(*stored["scale"].tolist())
     return sweep.System(
         **arrays, spin_factor=float(stored["spin"][0]), contacts=int(stored["contacts"][0]),
-        couples=sweep.NO_COUPLES,
     ), scale  # fmt: skip
 
 

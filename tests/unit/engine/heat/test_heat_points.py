@@ -1,9 +1,8 @@
 """Points of grains that are no discs as heat sees them: names, radii of curvature, places."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from heat_parts import with_heat
 from shapes import box, convex, disc, regular, rod, shaped_model
 from wall_lines import level, walls_of
 
@@ -11,15 +10,15 @@ from multicor_cli.engine.contact.faces import pieces_of_key, point_key
 from multicor_cli.engine.geometry.outlines import pieces_of, touch_pieces, turned
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.engine.heat.faces import SHARP, FacePoints, corners_of, points_at_rest
-from multicor_cli.model import ShapeKind, Thermal
+from multicor_cli.model import ShapeKind
 
 LAMBDA = np.array([15.0])
 
 
 def scene_with(grains, places, shapes=(), walls=()):
     model = shaped_model(grains, shapes, walls)
-    thermal = Thermal(model.grains.mass, model.grains.mass, 0.5 * model.perimeter)
-    model = replace(model, thermal=thermal)
+    mass = model.grains.mass
+    model = with_heat(model, mass, capacity=mass, thickness=0.5)
     places = np.asarray(places, float)
     position = np.zeros((len(places), 3))
     position[:, : places.shape[1]] = places

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from multicor_cli.engine.contact import law, sweep
+from multicor_cli.engine.contact import law, rolling
 from multicor_cli.engine.geometry import radii
 from multicor_cli.engine.heat import convection, films, friction, gas, hertz, hits, radiation, views
 from multicor_cli.engine.jit.compile import kernel
@@ -343,7 +343,7 @@ SAMPLES = {
     "hertz.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
     "friction.archard_volume": (1e-14, 100.0),
     "friction.rubbing_of": (1e-3, -0.1, 2e-5, 0.5),
-    "sweep.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
+    "rolling.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
     "law.guard_plane": (0.011, 2e-3, -1.0, 0.3, 0.01, 5e-6, 5e-3),
     "law.bias": (1e-5, -0.1, 0.5, 1e-4),
     "law.bipotential_parameter": (1e-3, 3e-4),
@@ -357,7 +357,7 @@ SAMPLES = {
 }
 
 MODULES = [
-    convection, films, friction, gas, hertz, hits, law, radiation, radii, sweep, views,
+    convection, films, friction, gas, hertz, hits, law, radiation, radii, rolling, views,
 ]  # fmt: skip
 
 

@@ -383,7 +383,7 @@ def test_a_crowd_stays_in_its_box(way, seed):
 
 @pytest.mark.parametrize("way", [0.5, 3.0])
 def test_a_crowd_has_the_same_bits_on_any_number_of_threads(way, monkeypatch):
-    monkeypatch.setattr("multicor_cli.engine.step.PARALLEL_GRAINS", 1)
+    monkeypatch.setattr("multicor_cli.engine.motion.layout.PARALLEL_GRAINS", 1)
     digests = set()
     for threads in (1, 2):
         engine = crowd(way, threads=threads)
