@@ -432,7 +432,7 @@ def schedule_contacts(
     of_contact = assign_tiles(i, classes, tile, color_start, columns)
     tiles, grains = int(color_start[-1]) + 1, scene.radius.size
     order, general, start = order_contacts(of_contact, tiles)
-    of_faces, face_start, rest = _NONE, np.zeros(1, np.int64), _NONE
+    of_faces, face_start, rest = _NONE, np.zeros(tiles + 1, np.int64), _NONE
     if is_face is not None:
         general = general[~is_face[general]]
         stands, with_walls = np.ones(i.size, np.bool_), j >= grains
