@@ -85,7 +85,11 @@ SHAPES = {
     "disc": [(ShapeKind.DISC, 0, (0.0, 0.0, 1.0, 0.0))],
     "point": [(ShapeKind.VERTEX, 0, (0.0, 0.0, -1, -1))],
     "plane": [(ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0))],
-    "side": [(ShapeKind.SIDE, 0, (0.0, 1.5, 0.0, -1.5)), *line(0.0)[1:]],
+    "side": [
+        (ShapeKind.SIDE, 0, (0.0, 1.5, 0.0, -1.5)),
+        (ShapeKind.VERTEX, 0, (0.0, 1.5, -1, 0)),
+        (ShapeKind.VERTEX, 0, (0.0, -1.5, 0, -1)),
+    ],
     "circle": [(ShapeKind.CIRCLE, 0, (200.0, 0.0, 200.0, 0.0))],
 }
 
