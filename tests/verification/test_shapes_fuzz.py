@@ -133,8 +133,6 @@ def test_bodies_of_all_kinds_stay_admissible(seed):
 def test_a_million_steps_of_grains(clumps, dt, scenes):
     """49 bodies in 26 scenes: half a million convex ones, a million with clumps.
 
-    Clumps want shorter steps: positions are corrected without turning anything, and what is caught
-    in a notch can only turn out of it.
     A step is left unsolved only where it has no solution: the roller draws grains on however wedged
     they are between it and the sides, and no impulse is enough for that.
     """
@@ -148,7 +146,9 @@ def test_a_million_steps_of_grains(clumps, dt, scenes):
             if tally(engine.state, "unconverged_steps") > tally(before, "unconverged_steps"):
                 again = Engine(engine.model, before, threads=1)
                 again.resume(engine.orders)
-                assert least_violation(*strut(again, dt, k * dt)) > 0.01
+                wedged = strut(again, dt, k * dt)
+                assert len(wedged[2]) <= 8  # else it is no strut, and modes are too many to try
+                assert least_violation(*wedged) > 0.01
                 jammed += 1
         check(engine, room, energy)
         deepest = max(deepest, tally(engine.state, "max_overlap"))
