@@ -712,9 +712,11 @@ def correct_positions(
     if model.is_cell:  # what it costs to move all grains with it, about their center
         side = scene.wall_position[0, [XX, YY, YY]]
         mobility = (mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side)
+    spin, mass = model.spin_radius, model.grains.mass  # which follow grains that grow or wear
+    inertia = mass * spin * spin / model.shape_factor
     overlap, pull_x, pull_y, rounds = push_apart(
         scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
-        model.grains.inertia, mobility, near, RINGS, marked,
+        inertia, mobility, near, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, pieces, model, lists, marked, overlap))
