@@ -275,17 +275,9 @@ def begin_faces(
                     elif point.gap <= far:
                         key = point_key(pieces, scene, i, a, j, b, point.corner)
                         _enter_point(
-                            base + found,
-                            point,
-                            key,
-                            scene,
-                            pieces,
-                            laws,
-                            start,
-                            dt,
-                            stopped,
+                            base + found, point, key, scene, pieces, laws, start, dt, stopped,
                             contacts,
-                        )
+                        )  # fmt: skip
                         found += 1
                     else:
                         beyond[f] = min(beyond[f], point.gap)

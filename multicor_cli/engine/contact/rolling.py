@@ -231,7 +231,7 @@ def relax_couples(
 def _correction(
     k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
 ) -> float:
-    """E_r of one couple [m/s], arguments as `relax_couples`."""
+    """Velocity correction e_r of one couple [m/s], arguments as `relax_couples`."""
     p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
     u_r = couple_velocity(k, couples, velocity)
     return (solve_rolling(p_r, u_r, couples.inverse[k], bound) - p_r) / couples.inverse[k]
