@@ -71,9 +71,9 @@ LOOP = np.dtype(
         ("since", "f8"),  # sweeps when the mode began
         ("patience", "f8"),  # sweeps without gain after which the loop is stuck
         ("is_stuck", "?"),  # nothing has been gained for long
-        ("peak", "f8"),  # lowest maximum since it alone has missed its tolerance [m/s]
+        ("peak", "f8"),  # least miss of maximum and energy, over tolerances that the rms has met
         ("peak_at", "f8"),  # sweeps then
-        ("is_peak", "?"),  # stuck because the maximum alone misses its tolerance
+        ("is_peak", "?"),  # stuck though the rms has met its tolerance
         ("patches", "i8"),  # solved since the start
         ("next_check", "f8"),  # sweeps before which the residual is not evaluated again
     ],
@@ -112,7 +112,7 @@ CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0
 REST_SWEEPS = 100.0  # after which what rests is solved no more sharply than what flows
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
 PATIENCE = 1000.0  # sweeps without gain after which the loop is stuck
-PEAK_PATIENCE = 200.0  # the same where the maximum alone misses its tolerance
+PEAK_PATIENCE = 200.0  # the same where the rms has met its tolerance
 PATIENCE_AFTER = 15.0  # the same after a patch: what is unstable grows again
 # After which patches take turns with long sweeping again: these have not helped, and they cost more
 PATCHES = 20
@@ -352,11 +352,16 @@ def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) ->
 
 @kernel
 def _watch_peak(tolerance: Tolerances, loop: Any) -> None:
-    """Say so where the maximum alone has missed its tolerance for long and has not become lower."""
-    if loop["rms"] > tolerance.rms or loop["energy"] > tolerance.energy:
+    """Say so where the rms alone has met its tolerance for long, and nothing else comes nearer.
+
+    The maximum misses it where a few contacts go round in circles; the energy where impulses are
+    far from any solution that velocities do not feel, as after steps that had none.
+    """
+    if loop["rms"] > tolerance.rms:
         return
-    if loop["maximum"] < GAIN * loop["peak"]:
-        loop["peak"], loop["peak_at"] = loop["maximum"], loop["sweeps"]
+    miss = max(loop["maximum"] / tolerance.maximum, np.sqrt(loop["energy"] / tolerance.energy))
+    if miss < GAIN * loop["peak"]:
+        loop["peak"], loop["peak_at"] = miss, loop["sweeps"]
     elif loop["sweeps"] - loop["peak_at"] >= min(loop["patience"], PEAK_PATIENCE):
         loop["is_stuck"], loop["is_peak"] = True, True
 
