@@ -351,15 +351,20 @@ def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) ->
 
 
 @kernel
-def _watch_peak(tolerance: Tolerances, loop: Any) -> None:
+def _watch_peak(has_corners: bool, tolerance: Tolerances, loop: Any) -> None:
     """Say so where the rms alone has met its tolerance for long, and nothing else comes nearer.
 
-    The maximum misses it where a few contacts go round in circles; the energy where impulses are
-    far from any solution that velocities do not feel, as after steps that had none.
+    The maximum misses it where a few contacts go round in circles. Among grains with corners the
+    energy does, too, where impulses are far from any solution in ways that velocities do not feel,
+    as after steps that had none.
     """
     if loop["rms"] > tolerance.rms:
         return
-    miss = max(loop["maximum"] / tolerance.maximum, np.sqrt(loop["energy"] / tolerance.energy))
+    miss = loop["maximum"] / tolerance.maximum
+    if loop["energy"] > tolerance.energy:
+        if not has_corners:
+            return
+        miss = max(miss, np.sqrt(loop["energy"] / tolerance.energy))
     if miss < GAIN * loop["peak"]:
         loop["peak"], loop["peak_at"] = miss, loop["sweeps"]
     elif loop["sweeps"] - loop["peak_at"] >= min(loop["patience"], PEAK_PATIENCE):
@@ -393,7 +398,7 @@ def iterate(
             if is_converged(s, tolerance, loop, parallel) or is_end:
                 return
             if accelerated:
-                _watch_peak(tolerance, loop)
+                _watch_peak(s.faces is not None, tolerance, loop)
         if accelerated:
             _choose_mode(change, tolerance.rms, loop)
             if loop["is_stuck"]:

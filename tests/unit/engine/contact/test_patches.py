@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from places import DATA
-from scene_parts import advance, make_engine, make_model, shear_engine
+from scene_parts import advance, shear_engine
+from shapes import rod, shaped_engine, shaped_model
 
 from multicor_cli.engine.contact import patches, solve, sweep
 from multicor_cli.engine.contact.acceleration import NEVER, iterate, start_loop, start_momentum
@@ -25,6 +26,7 @@ from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model import ShapeKind
+from multicor_cli.model.columns import NX, NY
 
 
 def solved(matrix, vector):
@@ -221,22 +223,21 @@ def test_a_cluster_that_only_the_largest_correction_sees_is_solved():
 
 
 def test_impulses_that_velocities_hardly_feel_are_no_solution():
-    # A wedge that friction just does not lock: what a jam has left there fades by 10⁻¹⁰ a sweep.
+    # A rod in a wedge that friction just does not lock: what a jam has left fades by 10⁻¹⁰ a sweep.
     c, s = np.cos(np.arctan(0.6)), np.sin(np.arctan(0.6))
     planes = [(ShapeKind.PLANE, 0, (0.0, 0.0, side * c, s)) for side in (1.0, -1.0)]
-    model = make_model([0.1], planes, friction=0.6 * (1.0 - 1e-10))
-    mass, speed = model.grains.mass[0], 0.1
-    system = make_engine(model, [[0.0, 0.1 / s, 0.0]]).next_system(0.01, 0.0).system
+    model = shaped_model([[(rod(0.2), 0.1)]], planes, friction=0.6 * (1.0 - 1e-10))
+    mass, speed, height = model.grains.mass[0], 0.1, (0.1 + 0.1 * c) / s
+    system = shaped_engine(model, [[0.0, height, 0.0]]).next_system(0.01, 0.0).system
     system.velocity[0, :3] = 0.0
-    lanes = [np.uint64(np.flatnonzero(system.slot == c)[0]) for c in range(2)]
-    at, impulse = impulse_place(np.array(lanes)).astype(int), system.impulse.reshape(-1)
-    impulse[at] = 1e6 * mass * speed
-    impulse[at + int(TANGENTIAL_)] = 0.6 * impulse[at] * (-1.0, 1.0)
+    nx, ny = system.general_frame[:, [NX, NY]].T
+    points, left = np.flatnonzero(nx), 1e6 * mass * speed  # in lanes, of which others are empty
+    system.general_impulse[points] = left * np.column_stack([nx, -ny])[points] / nx[points, None]
     scale = ResidualScale(speed, speed, 0.5 * mass * speed * speed)
     found = solve_system(system, scale, SHARP, ThreadChoice())
     assert found.converged
     assert found.sweeps < 1_000
-    assert impulse[at].max() < mass * speed
+    assert system.general_impulse[:, 0].max() < mass * speed
 
 
 def test_plain_sweeps_solve_no_patch(monkeypatch):
