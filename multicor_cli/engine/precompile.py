@@ -159,7 +159,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     mass = model.grains.mass
     push_apart(
         scene, pieces, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY),
-        _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 1, np.zeros(1, np.bool_),
+        _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, pieces, _NOBODY, _NOBODY)
     sums = account_grains(
@@ -170,7 +170,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     if pieces is not None:
         account_faces(
             scene, scene, pieces, contacts, bodies, NO_FACES, 1.0, of_contacts.total,
-            of_contacts.wall_impulse, of_contacts.belt_impulse, np.zeros(0, np.bool_),
+            of_contacts.wall_impulse, of_contacts.belt_impulse, np.zeros(0),
         )  # fmt: skip
     motion = WallMotion(model, [WallDrive()])
     nothing = Correction(0.0, 0.0, 0.0, 0), Outcome(0.0, True, 0.0, 0.0, 0.0)

@@ -676,7 +676,7 @@ class Engine:
     def _account(
         self, step: Prediction, end: Scene, pieces: Pieces | None, contacts: Contacts,
         after: Floats, virial: Floats,
-    ) -> tuple[ContactSums, NDArray[np.bool_]]:  # fmt: skip
+    ) -> tuple[ContactSums, Floats]:  # fmt: skip
         """What the contacts lose and exert; bridges that are left go into the state.
 
         ``virial`` is what that of contacts lacks in a cell, by impacts. Also returns which pairs
@@ -697,7 +697,7 @@ class Engine:
                 *self._gradient(after),
             )  # fmt: skip
         sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
-        overlaps = np.zeros(selection.faces.first.size, np.bool_)
+        overlaps = np.zeros(selection.faces.first.size)
         if pieces is not None:
             attracted = account_faces(
                 step.scene, end, pieces, contacts, after, selection.faces, step.dt, sums.total,
@@ -718,8 +718,8 @@ class Engine:
             state.wall_position = sides_at_end(middle[0], after[0], 0.5 * dt)[np.newaxis]
 
     def _correct(
-        self, step: Prediction, end: Scene, pieces: Pieces | None, overlaps: NDArray[np.bool_],
-        cutoff: float, overlap: float,
+        self, step: Prediction, end: Scene, pieces: Pieces | None, overlaps: Floats, cutoff: float,
+        overlap: float,
     ) -> Correction:  # fmt: skip
         layout, state, model = self._layout, self._layout.state, self._layout.model
         selection = layout.selection
@@ -729,12 +729,13 @@ class Engine:
             # What is near must not depend on the age of the list
             near = reach_of(correction.overlap, model)
             self._list_up_to(cutoff + near, step)
-            i, j = selection.pairs_with(overlaps)
+            is_deep = overlaps > ALLOWED
+            i, j = selection.pairs_with(is_deep)
             if beside > ALLOWED:
                 i, j = selection.with_walls()
             correction = correct_positions(
                 end, pieces, model, step.gravity, self._motion, layout.pairs, i, j, near,
-                layout.marked, state.step,
+                float(overlaps[~is_deep].max(initial=0.0)), layout.marked, state.step,
             )  # fmt: skip
         if step.shift_work != 0.0:
             work = correction.gravity_work + step.shift_work

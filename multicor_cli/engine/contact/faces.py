@@ -54,7 +54,9 @@ from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
 from multicor_cli.engine.geometry.outlines import (
     Pieces,
     Point,
+    are_convex,
     fastest_points,
+    gap_along,
     pieces_met,
     touch_passing,
     true_gap,
@@ -586,33 +588,58 @@ def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
 # ---- What they lose and exert
 
 
+@subroutine
+def _deepest(
+    c: int, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats, dt: float
+) -> float:
+    """No more than this a pair of a piece each overlaps [m], a time ``dt`` [s] after its point c.
+
+    Its edges turn the normal with the one grain or with the other.
+    """
+    contact, most = contacts[c], inf
+    for k in (contact.i, contact.j):
+        angle = dt * after[k, SURFACE] / pieces_end.spin[k]
+        length = sqrt(1.0 + angle * angle)
+        nx, ny = (
+            (contact.nx - angle * contact.ny) / length,
+            (contact.ny + angle * contact.nx) / length,
+        )
+        most = min(most, -gap_along(end, pieces_end, contact.i, contact.j, nx, ny))
+    return most
+
+
 @kernel
 def account_faces(
     scene: Scene, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats,
     faces: FacePairs, dt: float, total: Floats, wall_impulse: Floats, belt_impulse: Floats,
-    overlaps: NDArray[np.bool_],
+    overlaps: Floats,
 ) -> float:  # fmt: skip
     """As `account_contacts`, of faces; **modifies** what that returns, but for the work of adhesion
     [J], which is returned.
 
-    And ``overlaps``, which pairs overlap at the end of the step, shape ``(f,)``: pairs of which no
-    point comes near need no look, for gaps change by little more than velocities say.
+    And ``overlaps`` of pairs at the end of the step over their smaller radii, shape ``(f,)``: of
+    all above `GRAZE`, and of the largest below it. Others need no look: gaps change by little more
+    than velocities say, and no pair overlaps more than along a normal.
     """
-    attracted = 0.0
+    attracted, deepest = 0.0, 0.0
     for f in range(faces.first.size):
         base = faces.first[f]
         i, j = contacts[base].i, contacts[base].j
-        size, nearest = smaller_of(end, i, j), inf
+        size, nearest, at = smaller_of(end, i, j), inf, base
         for c in range(base, base + faces.room[f]):
             if contacts[c].gap < inf:
-                moved = 0.5 * dt * contact_after(c, scene, contacts, after)[0]
-                nearest = min(nearest, contacts[c].gap + moved)
-        overlaps[f] = False
-        if nearest < LOOK * size:
-            gap = true_gap(end, pieces_end, i, j)[0]
-            overlaps[f] = gap < 0.0
-            if gap < 0.0:
-                total[OVERLAP] = max(total[OVERLAP], -gap / size)
+                gap = contacts[c].gap + 0.5 * dt * contact_after(c, scene, contacts, after)[0]
+                if gap < nearest:
+                    nearest, at = gap, c
+        overlaps[f] = 0.0
+        if nearest < LOOK * size and (
+            not are_convex(pieces_end, i, j)
+            or _deepest(at, end, pieces_end, contacts, after, 0.5 * dt) > deepest * size
+        ):
+            overlaps[f] = max(0.0, -true_gap(end, pieces_end, i, j)[0] / size)
+            total[OVERLAP] = max(total[OVERLAP], overlaps[f])
+            if overlaps[f] <= GRAZE:
+                deepest = max(deepest, overlaps[f])
         for c in range(base, base + faces.room[f]):
             contact = contacts[c]
             q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction

@@ -380,12 +380,12 @@ class Selection:
             return None
         return rows_of_faces(self._pieces.is_face, self.i, self.j)
 
-    def pairs_with(self, overlaps: NDArray[np.bool_]) -> tuple[Ints, Ints]:
-        """Those pairs of grains with corners that overlap, shape ``(f,)``, and all others."""
-        if not overlaps.size:
+    def pairs_with(self, chosen: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+        """Pairs of grains with corners that are ``chosen``, shape ``(f,)``, and all others."""
+        if not chosen.size:
             return self.pair_i, self.pair_j
         kept = np.ones(self.pair_i.size, np.bool_)
-        kept[self.faces.pair] = overlaps
+        kept[self.faces.pair] = chosen
         return self.pair_i[kept], self.pair_j[kept]
 
     @property

@@ -768,6 +768,31 @@ def nearest_point(scene: Scene, pieces: Pieces, i: int, j: int) -> Point:
 
 
 @subroutine
+def are_convex(pieces: Pieces, i: int, j: int) -> bool:
+    """Whether a pair is two grains of a piece each."""
+    if j >= pieces.is_face.size:
+        return False
+    of_i, of_j = pieces.piece[i + 1] - pieces.piece[i], pieces.piece[j + 1] - pieces.piece[j]
+    return bool(of_i == 1 and of_j == 1)
+
+
+@subroutine
+def gap_along(scene: Scene, pieces: Pieces, i: int, j: int, nx: float, ny: float) -> float:
+    """Gap of two grains of a piece each along a normal from j to i [m]; never more than theirs."""
+    dx, dy = shortest(
+        scene.position[i, X] - scene.position[j, X], scene.position[i, Y] - scene.position[j, Y],
+        scene.period, scene.height, scene.tilt,
+    )  # fmt: skip
+    a, b, corner, lowest, highest = pieces.piece[i], pieces.piece[j], pieces.corner, inf, -inf
+    for v in range(pieces.start[a], pieces.start[a + 1]):
+        lowest = min(lowest, nx * corner[v, X] + ny * corner[v, Y])
+    for v in range(pieces.start[b], pieces.start[b + 1]):
+        highest = max(highest, nx * corner[v, X] + ny * corner[v, Y])
+    apart = nx * dx + ny * dy + lowest - highest
+    return float(apart - (pieces.rounding[a] + pieces.rounding[b]))
+
+
+@subroutine
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
     if pieces is None:

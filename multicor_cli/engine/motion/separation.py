@@ -621,19 +621,21 @@ def push_apart(
     inertia: Floats,
     wall_inverse: Floats,
     near: float,
+    below: float,
     rings: int,
     marked: NDArray[np.bool_],
 ) -> tuple[float, float, float, int]:
     """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
-    The pairs (i, j) are those that may at first; ``around`` and ``partner`` list all with a gap up
-    to ``near`` [m], which take part.
+    The pairs (i, j) are those that may at first, all others overlap by ``below`` at most; ``around``
+    and ``partner`` list all with a gap up to ``near`` [m], which take part.
     ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
     walls, shape ``(w, 3)``: they move with everything only. **Modifies** what
     `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
     Σ m δx and Σ m δy [kg m], and the rounds.
     """
-    above, below = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
+    above, others = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
+    below = max(below, others)
     held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
     largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
     if above > 0.0:
@@ -697,14 +699,15 @@ def correct_positions(
     i: Ints,
     j: Ints,
     near: float,
+    below: float,
     marked: NDArray[np.bool_],
     step: int,
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
-    drives move according to their mass. Overlapping pairs are among (i, j); ``lists`` has all up to
-    a gap of `NEAR`; ``marked`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps
+    drives move according to their mass. Pairs that overlap by more than ``below``, over the smaller
+    radius, are among (i, j); ``lists`` has all up to a gap of `NEAR`; ``marked`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps
     above `FORBIDDEN` cannot be removed.
     """
     before = scene.wall_position.copy()
@@ -716,7 +719,7 @@ def correct_positions(
     inertia = mass * spin * spin / model.shape_factor
     overlap, pull_x, pull_y, rounds = push_apart(
         scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
-        inertia, mobility, near, RINGS, marked,
+        inertia, mobility, near, below, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, pieces, model, lists, marked, overlap))
