@@ -181,7 +181,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
         state.velocity,
     )  # fmt: skip
     if pieces is not None:
-        closed_beyond(scene, pieces, bodies, bodies, 1.0, NO_FACES, contacts, np.empty(0))
+        closed_beyond(scene, pieces, bodies, bodies, 1.0, NO_FACES, np.empty(0))
     find_closing(scene, pieces, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0)
 
 

@@ -411,8 +411,7 @@ class Engine:
                 self._select_impacts(step)
             elif step.pieces is not None:
                 closed = closed_beyond(
-                    step.scene, step.pieces, layout.before, after, dt, selection.faces, contacts,
-                    beyond,
+                    step.scene, step.pieces, layout.before, after, dt, selection.faces, beyond,
                 )  # fmt: skip
                 if closed > 0.0:  # points that were too far may meet with these velocities
                     least, is_missing = 2.0 * closed, True

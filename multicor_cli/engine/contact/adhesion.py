@@ -75,8 +75,8 @@ def _share_points(scene: Scene, contacts: Contacts, faces: FacePairs, share: Flo
     """
     grains, first = scene.radius.size, 0
     for f in range(faces.first.size):
-        i = contacts[faces.first[f]].i
-        if contacts[faces.first[first]].i != i:
+        i = faces.i[f]
+        if faces.i[first] != i:
             first = f
         for c in range(faces.first[f], faces.first[f] + faces.room[f]):
             share[c] = 1.0
@@ -84,7 +84,7 @@ def _share_points(scene: Scene, contacts: Contacts, faces: FacePairs, share: Flo
                 continue
             there = 0
             for other in range(first, faces.first.size):
-                if contacts[faces.first[other]].i != i:
+                if faces.i[other] != i:
                     break
                 for k in range(faces.first[other], faces.first[other] + faces.room[other]):
                     away = abs(contacts[k].own_x - contacts[c].own_x) + abs(

@@ -57,35 +57,35 @@ CONTACT = np.dtype(
         np.record,
         np.dtype(
             [
+                # What most passes look at: a cache line
                 ("i", "i4"),  # grain
                 ("j", "i4"),  # grain or wall shape
-                ("nx", "f8"),  # normal from j to i; of their closest approach where they pass
-                ("ny", "f8"),
+                ("key", "i4"),  # of faces: which point it is, or -1
                 ("gap", "f8"),  # at q_m [m]; infinite where another piece of the wall is nearer
-                ("bias", "f8"),  # b [m/s]
-                ("mu", "f8"),  # friction μ
-                ("u_n", "f8"),  # u_n⁻ [m/s]
-                ("u_t", "f8"),  # u_t⁻ [m/s]
                 ("p_n", "f8"),  # impulse [N s]; with adhesion q_n = p_n + F Δt
                 ("p_t", "f8"),
-                # From a wall's reference point to the contact [m]; ℓ of two grains in a cell, or
-                # of faces
-                ("lever_x", "f8"),
-                ("lever_y", "f8"),
+                ("u_n", "f8"),  # u_n⁻ [m/s]
+                ("u_t", "f8"),  # u_t⁻ [m/s]
                 ("attraction", "f8"),  # F Δt of adhesion [N s]
-                ("mu_r", "f8"),  # rolling resistance μ_r
-                ("arm", "f8"),  # a* [m] of rolling resistance
-                ("u_r", "f8"),  # u_r⁻ [m/s]
-                ("p_r", "f8"),  # impulse of the couple over a* [N s]
-                # Of faces (`engine/contact/faces.py`): from the center of i to its point [m], what
-                # spins of i and j add to u_n and u_t, and which point it is, or -1
-                ("own_x", "f8"),
-                ("own_y", "f8"),
+                ("nx", "f8"),  # normal from j to i; of their closest approach where they pass
+                ("ny", "f8"),
+                ("bias", "f8"),  # b [m/s]
+                ("mu", "f8"),  # friction μ
+                # Of faces (`engine/contact/faces.py`): what spins of i and j add to u_n and u_t
                 ("turn_in", "f8"),
                 ("turn_it", "f8"),
                 ("turn_jn", "f8"),
                 ("turn_jt", "f8"),
-                ("key", "i4"),
+                # From a wall's reference point to the contact [m]; ℓ of two grains in a cell, or
+                # of faces
+                ("lever_x", "f8"),
+                ("lever_y", "f8"),
+                ("own_x", "f8"),  # of faces: from the center of i to its point [m]
+                ("own_y", "f8"),
+                ("mu_r", "f8"),  # rolling resistance μ_r
+                ("arm", "f8"),  # a* [m] of rolling resistance
+                ("u_r", "f8"),  # u_r⁻ [m/s]
+                ("p_r", "f8"),  # impulse of the couple over a* [N s]
             ],
             align=True,
         ),

@@ -94,11 +94,15 @@ class FacePairs(NamedTuple):
         first: First record of each pair, ascending, shape ``(f,)``.
         room: Number of its records, likewise.
         pair: Which of all pairs it is, likewise.
+        i: Grain of each, likewise.
+        j: Its other grain, or the wall shape.
     """
 
     first: Ints
     room: Ints
     pair: Ints
+    i: Ints
+    j: Ints
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -131,7 +135,7 @@ some do in every third step, in which all are solved once more if their points d
 LOOK = 1e-3
 """Gap over the smaller size below which, as velocities tell, a pair may overlap after a step."""
 
-NO_FACES = FacePairs(_NONE, _NONE, _NONE)
+NO_FACES = FacePairs(_NONE, _NONE, _NONE, _NONE, _NONE)
 
 
 def rows_of_faces(is_face: NDArray[np.bool_], i: Ints, j: Ints) -> NDArray[np.bool_]:
@@ -146,7 +150,7 @@ def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints,
     first = np.cumsum(room) - room
     faces = FacePairs(
         first[is_face].astype(np.int32), room[is_face].astype(np.int32),
-        np.flatnonzero(is_face).astype(np.int32),
+        np.flatnonzero(is_face).astype(np.int32), i[is_face], j[is_face],
     )  # fmt: skip
     return np.repeat(i, room), np.repeat(j, room), faces
 
@@ -222,12 +226,12 @@ def _enter_point(
 
 @kernel
 def _fastest_of(
-    scene: Scene, pieces: Pieces, start: Floats, free: Floats, faces: FacePairs, contacts: Contacts
+    scene: Scene, pieces: Pieces, start: Floats, free: Floats, faces: FacePairs
 ) -> tuple[Floats, float]:
     """No points of a pair approach faster with either velocities [m/s], ``(f,)``; and the rms."""
     speed, squares = np.empty(faces.first.size), 0.0
     for f in range(faces.first.size):
-        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        i, j = faces.i[f], faces.j[f]
         speed[f] = max(
             fastest_points(scene, pieces, start, i, j), fastest_points(scene, pieces, free, i, j)
         )
@@ -254,11 +258,10 @@ def begin_faces(
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     lacking, beyond = 0.0, np.full(faces.first.size, inf)
-    speed, rms = _fastest_of(scene, pieces, start, free, faces, contacts)
+    speed, rms = _fastest_of(scene, pieces, start, free, faces)
     least = max(least, STRUCK * dt * rms)
     for f in range(faces.first.size):
-        base, room = faces.first[f], faces.room[f]
-        i, j = contacts[base].i, contacts[base].j
+        base, room, i, j = faces.first[f], faces.room[f], faces.i[f], faces.j[f]
         far = max(least, ahead * speed[f])
         for k in range(room):
             contact = contacts[base + k]
@@ -313,9 +316,9 @@ def stop_rebounds(
     ``stopped``, **modified**, shape ``(n,)``.
     """
     count, most, made = scene.radius.size, 0.0, np.zeros(faces.first.size)
-    speed, _ = _fastest_of(scene, pieces, start, free, faces, contacts)
+    speed, _ = _fastest_of(scene, pieces, start, free, faces)
     for f in range(faces.first.size):
-        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        i, j = faces.i[f], faces.j[f]
         reduced = mass[i] * mass[j] / (mass[i] + mass[j]) if j < count else mass[i]
         most = max(most, 0.5 * reduced * speed[f] * speed[f])
         for c in range(faces.first[f], faces.first[f] + faces.room[f]):
@@ -326,7 +329,7 @@ def stop_rebounds(
                 made[f] += 0.5 * contact.p_t * (contact.u_t + u_t)
     is_new = False
     for f in range(faces.first.size):
-        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        i, j = faces.i[f], faces.j[f]
         if made[f] > most and not (stopped[i] and (j >= count or stopped[j])):
             is_new = stopped[i] = True
             if j < count:
@@ -337,7 +340,7 @@ def stop_rebounds(
 @kernel
 def closed_beyond(
     scene: Scene, pieces: Pieces, start: Floats, after: Floats, dt: float, faces: FacePairs,
-    contacts: Contacts, beyond: Floats,
+    beyond: Floats,
 ) -> float:  # fmt: skip
     """Largest gap of a point that did not count and closes in a step with v⁺ [m]; 0 if none does.
 
@@ -345,7 +348,7 @@ def closed_beyond(
     """
     largest = 0.0
     for f in range(beyond.size):
-        i, j = contacts[faces.first[f]].i, contacts[faces.first[f]].j
+        i, j = faces.i[f], faces.j[f]
         if beyond[f] > dt * fastest_points(scene, pieces, after, i, j):
             continue
         first, last = pieces_met(pieces, scene, j)
@@ -410,8 +413,7 @@ def recall_points(
     """Put the impulses that are known of faces, sorted, into any records of their pairs."""
     k = 0
     for f in range(faces.first.size):
-        base, room = faces.first[f], faces.room[f]
-        i, j = contacts[base].i, contacts[base].j
+        base, room, i, j = faces.first[f], faces.room[f], faces.i[f], faces.j[f]
         while k < known_i.size and (known_i[k] < i or (known_i[k] == i and known_j[k] < j)):
             k += 1
         for c in range(base, base + room):
@@ -623,8 +625,7 @@ def account_faces(
     """
     attracted, deepest = 0.0, 0.0
     for f in range(faces.first.size):
-        base = faces.first[f]
-        i, j = contacts[base].i, contacts[base].j
+        base, i, j = faces.first[f], faces.i[f], faces.j[f]
         size, nearest, at = smaller_of(end, i, j), inf, base
         for c in range(base, base + faces.room[f]):
             if contacts[c].gap < inf:

@@ -627,8 +627,8 @@ def push_apart(
 ) -> tuple[float, float, float, int]:
     """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
-    The pairs (i, j) are those that may at first, all others overlap by ``below`` at most; ``around``
-    and ``partner`` list all with a gap up to ``near`` [m], which take part.
+    The pairs (i, j) are those that may at first, all others overlap by ``below`` at most;
+    ``around`` and ``partner`` list all with a gap up to ``near`` [m], which take part.
     ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
     walls, shape ``(w, 3)``: they move with everything only. **Modifies** what
     `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
@@ -707,8 +707,8 @@ def correct_positions(
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
     drives move according to their mass. Pairs that overlap by more than ``below``, over the smaller
-    radius, are among (i, j); ``lists`` has all up to a gap of `NEAR`; ``marked`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps
-    above `FORBIDDEN` cannot be removed.
+    radius, are among (i, j); ``lists`` has all up to a gap of `NEAR`; ``marked`` is work space,
+    shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN` cannot be removed.
     """
     before = scene.wall_position.copy()
     mobility = motion.mobility
