@@ -86,6 +86,9 @@ from multicor_cli.model.columns import (
 )
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
+General = tuple[Ints, Floats, Floats, Floats]
+"""Rows of contacts as `pack_general` makes them: bodies, frames, levers and impulses."""
+
 
 class FacePairs(NamedTuple):
     """Pairs of which one is no disc, and the room that each has in the table of contacts.
@@ -454,18 +457,6 @@ def pack_row(
 
 
 @kernel
-def pack_points(
-    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, points: Ints, inverse: Floats
-) -> tuple[Ints, Floats, Floats, Floats]:
-    """As `pack_general`, of the records ``points``."""
-    pair, impulse = np.empty((points.size, 2), np.int32), np.empty((points.size, 2))
-    frame, lever = np.empty((points.size, 8)), np.empty((points.size, 2, 2))
-    for g in range(points.size):
-        pack_row(g, points[g], scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
-    return pair, frame, lever, impulse
-
-
-@kernel
 def batch_points(
     contacts: Contacts, order: Ints, bodies: Ints, tile_start: NDArray[np.int64], rows: int
 ) -> tuple[Ints, NDArray[np.int64]]:
@@ -491,19 +482,21 @@ def batch_points(
 
 
 @kernel
-def pack_batches(
+def pack_faces(
     scene: Scene, contacts: Contacts, belt: Floats, place: Ints, slot: Ints, rest: Ints,
-    tile_start: NDArray[np.int64], inverse: Floats, block_pair: Ints, block: Floats,
-) -> tuple[Ints, Ints, Floats, Floats, Floats, Ints]:  # fmt: skip
-    """Records in the lanes ``slot``, shape ``(q, 4)``, into rows; and those that go one by one.
+    tile_start: NDArray[np.int64], inverse: Floats, others: General, block_pair: Ints,
+    block: Floats,
+) -> tuple[Ints, General]:  # fmt: skip
+    """Points behind the ``others``: those that go one by one, and then the lanes of ``slot``.
 
-    These are the points among ``rest``, and steep ones. Returns their records, and of the rows of
-    the batches bodies, frames, levers and impulses as `pack_general`, and records, -1 where there
-    is no point. **Modifies** ``block_pair`` and ``block``.
+    One by one go the points among the records ``rest``, and steep ones. Returns the records, -1
+    where there is no point, and all rows as `pack_general`. **Modifies** ``block_pair`` and
+    ``block``, ``slot`` has the shape ``(q, 4)``.
     """
-    rows = slot.size
-    pair, impulse = np.empty((rows, 2), np.int32), np.empty((rows, 2))
-    frame, lever = np.empty((rows, 8)), np.empty((rows, 2, 2))
+    # How many are steep is known at the end: their rows are put in front of the lanes then.
+    rows, front = slot.size, others[0].shape[0] + rest.size + slot.size
+    pair, impulse = np.empty((front + rows, 2), np.int32), np.empty((front + rows, 2))
+    frame, lever = np.empty((front + rows, 8)), np.empty((front + rows, 2, 2))
     record, alone = np.full(rows, -1, np.int32), np.empty(rows + rest.size, np.int32)
     found = 0
     for c in rest:
@@ -511,9 +504,8 @@ def pack_batches(
         found += contacts[c].gap < inf
     for t in range(tile_start.size - 1):
         first, second = 0, 0  # bodies of the tile, for lanes without a contact
-        for g in range(LANES * tile_start[t], LANES * tile_start[t + 1]):
-            q, lane = g // LANES, g % LANES
-            c = slot[q, lane]
+        for lane in range(LANES * tile_start[t], LANES * tile_start[t + 1]):
+            c, g = slot[lane // LANES, lane % LANES], front + lane
             if c >= 0:
                 pack_row(g, c, scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
                 first, second = pair[g, FIRST], pair[g, SECOND]
@@ -521,21 +513,31 @@ def pack_batches(
                     alone[found] = c
                     found += 1
                 else:
-                    record[g] = c
-            if record[g] < 0:
+                    record[lane] = c
+            if record[lane] < 0:
                 pair[g, FIRST], pair[g, SECOND] = first, second
                 frame[g], lever[g], impulse[g] = 0.0, 0.0, 0.0
                 frame[g, BIAS], frame[g, W_NN], frame[g, W_TT] = OPEN, 1.0, 1.0
-            _fill_block(g, pair, frame, lever, record[g] >= 0, block_pair, block)
-    return alone[:found].copy(), pair, frame, lever, impulse, record
+            _fill_block(lane, g, pair, frame, lever, record[lane] >= 0, block_pair, block)
+    begin = front - found
+    for k in range(found):
+        pack_row(
+            begin + k, alone[k], scene, contacts, belt, place, inverse, pair, frame, lever, impulse
+        )
+    begin -= others[0].shape[0]
+    for g in range(others[0].shape[0]):
+        pair[begin + g], frame[begin + g] = others[0][g], others[1][g]
+        lever[begin + g], impulse[begin + g] = others[2][g], others[3][g]
+    points = np.concatenate((alone[:found], record))
+    return points, (pair[begin:], frame[begin:], lever[begin:], impulse[begin:])
 
 
 @subroutine
 def _fill_block(
-    g: int, pair: Ints, frame: Floats, lever: Floats, is_there: bool, block_pair: Ints,
+    place: int, g: int, pair: Ints, frame: Floats, lever: Floats, is_there: bool, block_pair: Ints,
     block: Floats,
 ) -> None:  # fmt: skip
-    q, lane = g // LANES, g % LANES
+    q, lane = place // LANES, place % LANES
     for side in range(2):
         block_pair[q, side, lane] = 4 * pair[g, side]
     for row in range(8):

@@ -12,10 +12,10 @@ from multicor_cli.engine.contact.adhesion import net_impulses
 from multicor_cli.engine.contact.contacts import Contacts, Speeds, contact_after
 from multicor_cli.engine.contact.face_sweep import FaceBatches
 from multicor_cli.engine.contact.faces import (
+    General,
     batch_points,
     blocks_for,
-    pack_batches,
-    pack_points,
+    pack_faces,
     unpack_points,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
@@ -359,36 +359,25 @@ class OrderedSystem:
         return unpack_bodies(system.velocity, schedule.place, self.belt, self.belt.size)
 
 
-_General = tuple[Ints, Floats, Floats, Floats]
-
-
 def _add_faces(
     scene: Scene, contacts: Contacts, schedule: Schedule, belt: Floats, inverse: Floats,
-    others: _General,
-) -> tuple[Ints, FaceBatches, _General]:  # fmt: skip
+    others: General,
+) -> tuple[Ints, FaceBatches, General]:  # fmt: skip
     """Contacts of grains that are no discs, and them behind the ``others`` of `pack_general`."""
-    place = schedule.place
     slot, start = batch_points(
         contacts, schedule.face_order, schedule.face_pair, schedule.face_start,
         len(schedule.velocity),
     )  # fmt: skip
     block_pair, block = blocks_for(slot.shape[0])
-    alone, pair, frame, lever, impulse, record = pack_batches(
-        scene, contacts, belt, place, slot, schedule.face_rest, start, inverse, block_pair, block,
+    points, rows = pack_faces(
+        scene, contacts, belt, schedule.place, slot, schedule.face_rest, start, inverse, others,
+        block_pair, block,
     )  # fmt: skip
-    of_points = pack_points(scene, contacts, belt, place, alone, inverse)
-    first = schedule.general.size + alone.size
-    rows = (
-        np.concatenate([others[0], of_points[0], pair]),
-        np.concatenate([others[1], of_points[1], frame]),
-        np.concatenate([others[2], of_points[2], lever]),
-        np.concatenate([others[3], of_points[3], impulse]),
-    )
-    points, branch = np.concatenate([alone, record]), NO_CELL.branch
+    branch = NO_CELL.branch
     if scene.height > 0.0:
-        branch = _blocks(_branches(contacts, record))
-    faces = FaceBatches(block_pair, block, branch, start, first)
-    return points, faces, rows
+        branch = _blocks(_branches(contacts, points[points.size - slot.size :]))
+    first = len(rows[0]) - slot.size
+    return points, FaceBatches(block_pair, block, branch, start, first), rows
 
 
 @kernel
