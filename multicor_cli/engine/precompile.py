@@ -72,16 +72,16 @@ from multicor_cli.engine.contact.system import (
 )
 from multicor_cli.engine.energy.account import account_contacts, account_grains, book_step
 from multicor_cli.engine.geometry.neighbors import both_ways
-from multicor_cli.engine.geometry.outlines import Pieces, pieces_of
+from multicor_cli.engine.geometry.pieces import Pieces, pieces_of
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.engine.motion.correction import Correction, push_apart
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, wrap
-from multicor_cli.engine.motion.separation import Correction, push_apart
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import MASS
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes

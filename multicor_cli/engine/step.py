@@ -59,7 +59,7 @@ from multicor_cli.engine.energy.account import (
     switch_wall_kinetic,
 )
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
-from multicor_cli.engine.geometry.outlines import Pieces, turned
+from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
@@ -68,11 +68,11 @@ from multicor_cli.engine.inflow.population import Population
 from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.engine.motion.cell import carry, sides_at_end, wrap_cell
+from multicor_cli.engine.motion.correction import ALLOWED, Correction, correct_positions, reach_of
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.layout import Layout
 from multicor_cli.engine.motion.moves import are_sound, move, wrap
 from multicor_cli.engine.motion.prediction import Prediction, Predictor, refuse_state
-from multicor_cli.engine.motion.separation import ALLOWED, Correction, correct_positions, reach_of
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, StepReport
 from multicor_cli.model.cell import mean_flow

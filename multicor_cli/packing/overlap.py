@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.neighbors import classify, find_near, make_grids
-from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, touch, true_gap, turned
+from multicor_cli.engine.geometry.outlines import touch, true_gap
+from multicor_cli.engine.geometry.pieces import Pieces, pieces_of, turned
 from multicor_cli.engine.geometry.scene import Scene, from_first_end, gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.threads import threads_for

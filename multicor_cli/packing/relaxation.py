@@ -15,14 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.geometry.outlines import (
-    Pieces,
-    pieces_with,
-    place_walls,
-    touch,
-    touch_wall,
-    turn_grains,
-)
+from multicor_cli.engine.geometry.outlines import touch, touch_wall
+from multicor_cli.engine.geometry.pieces import Pieces, pieces_with, place_walls, turn_grains
 from multicor_cli.engine.geometry.scene import Scene, gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import ANGLE, RADIUS, X, Y

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.contact.faces import FacePairs, rows_of_faces
-from multicor_cli.engine.geometry.outlines import Pieces, are_faces, true_gap
+from multicor_cli.engine.geometry.outlines import true_gap
+from multicor_cli.engine.geometry.pieces import Pieces, are_faces
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel, subroutine

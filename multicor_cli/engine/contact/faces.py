@@ -51,16 +51,9 @@ from multicor_cli.engine.contact.vector_step import (
     VIRIAL,
 )
 from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
-from multicor_cli.engine.geometry.outlines import (
-    Pieces,
-    Point,
-    are_convex,
-    fastest_points,
-    gap_along,
-    pieces_met,
-    touch_passing,
-    true_gap,
-)
+from multicor_cli.engine.geometry.outlines import Point, gap_along, true_gap
+from multicor_cli.engine.geometry.passing import fastest_points, touch_passing
+from multicor_cli.engine.geometry.pieces import Pieces, are_convex, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.arrays import aligned

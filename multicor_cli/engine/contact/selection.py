@@ -29,14 +29,9 @@ from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_bac
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import (
-    Pieces,
-    are_faces,
-    circle_gap,
-    fastest_points,
-    room_within,
-    true_gap,
-)
+from multicor_cli.engine.geometry.outlines import circle_gap, room_within, true_gap
+from multicor_cli.engine.geometry.passing import fastest_points
+from multicor_cli.engine.geometry.pieces import Pieces, are_faces
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine

@@ -28,7 +28,7 @@ from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.engine.motion.separation import Correction
+from multicor_cli.engine.motion.correction import Correction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.columns import SPIN, X, Y

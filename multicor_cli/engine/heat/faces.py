@@ -28,15 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.faces import pieces_of_key, point_key, rows_of_faces
-from multicor_cli.engine.geometry.outlines import (
-    NORMAL_X,
-    NORMAL_Y,
-    Pieces,
-    Point,
-    are_faces,
-    pieces_met,
-    touch_pieces,
-)
+from multicor_cli.engine.geometry.outlines import Point, touch_pieces
+from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, are_faces, pieces_met
 from multicor_cli.engine.geometry.places import RISE, Places, rows_in_corners
 from multicor_cli.engine.geometry.radii import cup_radius, effective_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry

@@ -34,14 +34,8 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import exp, log, log1p
-from multicor_cli.engine.geometry.outlines import (
-    NORMAL_X,
-    NORMAL_Y,
-    Pieces,
-    Point,
-    pieces_met,
-    touch_pieces,
-)
+from multicor_cli.engine.geometry.outlines import Point, touch_pieces
+from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, from_first_end, nearest_image, shortest
 from multicor_cli.engine.heat.faces import Corners, curve_towards

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.faces import rows_of_faces
-from multicor_cli.engine.geometry.outlines import Pieces, turned
+from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.faces import Corners
 from multicor_cli.engine.heat.films import Film, film_conductances

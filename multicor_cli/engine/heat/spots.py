@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import expm1
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
-from multicor_cli.engine.geometry.outlines import Pieces, circle_gap
+from multicor_cli.engine.geometry.outlines import circle_gap
+from multicor_cli.engine.geometry.pieces import Pieces
 from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_place
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry

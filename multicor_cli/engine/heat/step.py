@@ -15,7 +15,7 @@ from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import Pieces, pieces_of, turned
+from multicor_cli.engine.geometry.pieces import Pieces, pieces_of, turned
 from multicor_cli.engine.geometry.places import met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import (

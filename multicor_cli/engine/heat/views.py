@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import acos, atan2, cos, sin
-from multicor_cli.engine.geometry.outlines import Pieces, true_gap
+from multicor_cli.engine.geometry.outlines import true_gap
+from multicor_cli.engine.geometry.pieces import Pieces
 from multicor_cli.engine.geometry.radii import other_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, shortest
 from multicor_cli.engine.heat.mechanism import HeatLaws, Rows

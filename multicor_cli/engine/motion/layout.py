@@ -13,7 +13,7 @@ from multicor_cli.engine.contact.contacts import Contacts, Speeds
 from multicor_cli.engine.contact.selection import Selection
 from multicor_cli.engine.contact.solve import ThreadChoice
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.outlines import pieces_of, resize_grains
+from multicor_cli.engine.geometry.pieces import pieces_of, resize_grains
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 from multicor_cli.engine.motion.growth import (
     Lanes,

@@ -15,7 +15,7 @@ from multicor_cli.engine.contact.impacts import convected_by
 from multicor_cli.engine.contact.meetings import Walls
 from multicor_cli.engine.contact.selection import AHEAD
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
-from multicor_cli.engine.geometry.outlines import Pieces, turned
+from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.motion.cell import carry_to_middle, convect, sides_at_middle
 from multicor_cli.engine.motion.layout import Growth, Layout

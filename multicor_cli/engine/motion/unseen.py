@@ -33,7 +33,7 @@ from multicor_cli.engine.geometry.scene import (
     scene_of,
 )
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.engine.motion.separation import ALLOWED
+from multicor_cli.engine.motion.correction import ALLOWED
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import ANGLE, SPIN, X, Y

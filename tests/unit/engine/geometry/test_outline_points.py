@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from shapes import box, convex, disc, regular, rod, shaped_model, wall_line
 
-from multicor_cli.engine.geometry.outlines import (
-    pieces_of,
-    touch,
-    touch_pieces,
-    touch_wall,
-    true_gap,
-    turned,
-)
+from multicor_cli.engine.geometry.outlines import touch, touch_pieces, touch_wall, true_gap
+from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model.shapes import ShapeKind
 

@@ -7,7 +7,8 @@ from shapes import box, convex, disc, regular, rod, shaped_model
 from wall_lines import level, walls_of
 
 from multicor_cli.engine.contact.faces import pieces_of_key, point_key
-from multicor_cli.engine.geometry.outlines import pieces_of, touch_pieces, turned
+from multicor_cli.engine.geometry.outlines import touch_pieces
+from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.engine.heat.faces import SHARP, FacePoints, corners_of, points_at_rest
 from multicor_cli.model import ShapeKind

@@ -6,16 +6,12 @@ from scene_parts import FLOOR, make_engine, make_model
 from shapes import box, disc, regular, rod, shaped_engine, shaped_model
 
 from multicor_cli.engine.geometry.neighbors import both_ways
-from multicor_cli.engine.geometry.outlines import pieces_of, touch_pieces, turned
+from multicor_cli.engine.geometry.outlines import touch_pieces
+from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, scene_of
-from multicor_cli.engine.motion import separation
-from multicor_cli.engine.motion.separation import (
-    mark_again,
-    mark_overlaps,
-    pairs_of,
-    separate,
-    surround,
-)
+from multicor_cli.engine.motion import correction
+from multicor_cli.engine.motion.correction import mark_again, mark_overlaps, pairs_of, surround
+from multicor_cli.engine.motion.separation import separate
 from multicor_cli.model.shapes import ShapeKind
 
 # a chain: grain k is near grain k + 1, and the last near a wall
@@ -77,20 +73,20 @@ def corrected(overlap, count=60):
 
 def test_few_overlaps_move_the_grains_nearby_only():
     moved, overlap = corrected(6e-4)
-    assert overlap <= separation.ALLOWED
+    assert overlap <= correction.ALLOWED
     middle = len(moved) // 2
     assert moved[middle - 1] < 0.0 < moved[middle]
     assert abs(moved.sum()) < 1e-12  # equal masses: the center of mass stays
-    far = separation.RINGS + 2
+    far = correction.RINGS + 2
     assert np.all(moved[: middle - far] == 0.0)
     assert np.all(moved[middle + far :] == 0.0)
 
 
 def test_what_cannot_be_done_nearby_is_done_everywhere(monkeypatch):
     """A cage of held grains that leaves no room: only moving everything helps."""
-    monkeypatch.setattr(separation, "RINGS", 0)
+    monkeypatch.setattr(correction, "RINGS", 0)
     moved, overlap = corrected(9e-3)
-    assert overlap <= separation.ALLOWED
+    assert overlap <= correction.ALLOWED
     assert np.count_nonzero(moved) > 10
 
 
@@ -266,6 +262,6 @@ def test_a_box_turns_out_of_where_it_is_wedged(count):
     places[0, 2] = 0.01
     engine = shaped_engine(model, places)
     report = engine.step(1e-3, 0.0)
-    assert report.overlap <= separation.ALLOWED
+    assert report.overlap <= correction.ALLOWED
     assert abs(engine.state.position[0, 2]) < 0.003
     np.testing.assert_array_equal(engine.state.position[1:], places[1:])

@@ -1,0 +1,182 @@
+"""Pieces of grains that are no discs, and of wall shapes, as they lie at one moment.
+
+A piece is what lies within its rounding r of its core: a corner, two, or a convex polygon
+(`model/outlines.py`).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.arithmetic import cos, sin
+from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.jit.compile import kernel, subroutine
+from multicor_cli.model.columns import ANGLE, RADIUS, TAIL_X, TAIL_Y, X, Y
+from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.outlines import Outlines
+from multicor_cli.model.shapes import ShapeKind
+
+NORMAL_X, NORMAL_Y = 2, 3
+"""Columns of corners: outward normal of the edge to the next one."""
+
+_DISC = int(ShapeKind.DISC)
+_CORNERS = {
+    ShapeKind.PLANE: 0, ShapeKind.CIRCLE: 0, ShapeKind.VERTEX: 1, ShapeKind.DISC: 1,
+    ShapeKind.SEGMENT: 2, ShapeKind.SIDE: 2,
+}  # fmt: skip
+
+
+class Pieces(NamedTuple):
+    """Pieces of all grains, and then those of the wall shapes; planes and circles have none.
+
+    Attributes:
+        piece: First piece of each grain or wall shape, shape ``(n + m + 1,)``.
+        start: First corner of each piece, shape ``(p + 1,)``.
+        corner: Corners from the center, turned with their grain, and normals of the edges that
+            begin there; those of walls in the world [m], shape ``(v, 4)``.
+        rounding: How far each piece reaches beyond its core [m], shape ``(p,)``.
+        spin: σ, by which spins are speeds σω [m], shape ``(n,)`` (`Model.spin_radius`).
+        is_face: Which grains are no discs, shape ``(n,)``.
+    """
+
+    piece: Ints
+    start: Ints
+    corner: Floats
+    rounding: Floats
+    spin: Floats
+    is_face: NDArray[np.bool_]
+
+
+def pieces_of(model: Model) -> Pieces | None:
+    """Pieces of a model at angle 0, walls anywhere; None if all grains are discs."""
+    if model.outlines is None:
+        return None
+    kind = model.shapes.kind
+    wide = np.where(kind == _DISC, model.shapes.geometry[:, RADIUS], 0.0)
+    return pieces_with(model.outlines, kind, wide, model.spin_radius)
+
+
+def pieces_with(outlines: Outlines, kind: Ints, wide: Floats, spin: Floats) -> Pieces:
+    """Pieces of grains and of wall shapes, which reach ``wide`` beyond their corners [m]."""
+    corners = np.array([_CORNERS[each] for each in kind.tolist()], np.int32)
+    has = (corners > 0).astype(np.int32)
+    ends = outlines.start[-1] + np.cumsum(corners[corners > 0])
+    start = np.concatenate([outlines.start, ends]).astype(np.int32)
+    corner = np.zeros((int(start[-1]), 4))
+    corner[: len(outlines.corner)] = with_normals(outlines)
+    return Pieces(
+        np.concatenate([outlines.piece, outlines.piece[-1] + np.cumsum(has)]).astype(np.int32),
+        start,
+        corner,
+        np.concatenate([outlines.rounding, wide[corners > 0]]),
+        spin,
+        ~outlines.is_disc,
+    )
+
+
+def with_normals(outlines: Outlines) -> Floats:
+    """Corners at angle 0 and normals of the edges that begin there, as in `Pieces`."""
+    found = np.zeros((len(outlines.corner), 4))
+    found[:, :2] = outlines.corner
+    after = np.arange(1, len(found) + 1)
+    after[outlines.start[1:] - 1] = outlines.start[:-1]
+    x, y = (outlines.corner[after] - outlines.corner).T
+    length = np.sqrt(x * x + y * y)
+    length[length == 0.0] = 1.0
+    found[:, NORMAL_X], found[:, NORMAL_Y] = y / length, -x / length
+    return found
+
+
+def turned(pieces: Pieces, scene: Scene) -> Pieces:
+    """The pieces as grains and walls lie in a scene; ``pieces`` are at angle 0."""
+    corner = np.empty(pieces.corner.shape)
+    turn_grains(pieces, scene.position, corner)
+    place_walls(pieces, scene, corner)
+    return pieces._replace(corner=corner)
+
+
+@kernel
+def turn_grains(pieces: Pieces, position: Floats, corner: Floats) -> None:
+    """Turn the corners of grains with them, into ``corner``, **modified**."""
+    local = pieces.corner
+    for k in range(position.shape[0]):
+        c, s = cos(position[k, ANGLE]), sin(position[k, ANGLE])
+        for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
+            x, y, nx, ny = local[v, X], local[v, Y], local[v, NORMAL_X], local[v, NORMAL_Y]
+            corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
+            corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+
+
+@subroutine
+def turn_by(pieces: Pieces, scene: Scene, k: int, angle: float) -> None:
+    """Turn a grain, whose position and corners are **modified**."""
+    scene.position[k, ANGLE] += angle
+    c, s, corner = cos(angle), sin(angle), pieces.corner
+    for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
+        x, y, nx, ny = corner[v, X], corner[v, Y], corner[v, NORMAL_X], corner[v, NORMAL_Y]
+        corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
+        corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+
+
+@kernel
+def place_walls(pieces: Pieces, scene: Scene, corner: Floats) -> None:
+    """Put the corners of wall shapes where they are in a scene, into ``corner``, **modified**."""
+    count, world = scene.radius.size, scene.world
+    for k in range(scene.kind.size):
+        piece = pieces.piece[count + k]
+        if piece == pieces.piece[count + k + 1]:
+            continue
+        v = pieces.start[piece]
+        corner[v, X], corner[v, Y] = world[k, X], world[k, Y]
+        if pieces.start[piece + 1] - v == 1:
+            corner[v, NORMAL_X], corner[v, NORMAL_Y] = 0.0, 0.0
+            continue
+        corner[v + 1, X], corner[v + 1, Y] = world[k, TAIL_X], world[k, TAIL_Y]
+        x, y = world[k, TAIL_X] - world[k, X], world[k, TAIL_Y] - world[k, Y]
+        length = sqrt(x * x + y * y)
+        corner[v, NORMAL_X], corner[v, NORMAL_Y] = y / length, -x / length
+        corner[v + 1, NORMAL_X], corner[v + 1, NORMAL_Y] = -y / length, x / length
+
+
+@kernel
+def resize_grains(at_start: Pieces, initial: Floats, radius: Floats, pieces: Pieces) -> None:
+    """Let pieces at angle 0 (**modified**) follow the radii of their grains [m], shape ``(n,)``.
+
+    ``at_start`` are those with the ``initial`` radii. Outlines keep their shapes.
+    """
+    for k in range(radius.size):
+        factor = radius[k] / initial[k]
+        pieces.spin[k] = factor * at_start.spin[k] if pieces.is_face[k] else radius[k]
+        for p in range(pieces.piece[k], pieces.piece[k + 1]):
+            rounding = at_start.rounding[p]
+            pieces.rounding[p] = factor * rounding if pieces.is_face[k] else radius[k]
+            for v in range(pieces.start[p], pieces.start[p + 1]):
+                pieces.corner[v, X] = factor * at_start.corner[v, X]
+                pieces.corner[v, Y] = factor * at_start.corner[v, Y]
+
+
+@subroutine
+def pieces_met(pieces: Pieces, scene: Scene, j: int) -> tuple[int, int]:
+    """First and last pieces b of j for `touch_pieces`: one, whatever it is, of a wall shape."""
+    if j >= scene.radius.size:
+        return 0, 1
+    return pieces.piece[j], pieces.piece[j + 1]
+
+
+@subroutine
+def are_faces(pieces: Pieces, i: int, j: int) -> bool:
+    """Whether one of a pair is a grain that is no disc."""
+    return pieces.is_face[i] or (j < pieces.is_face.size and pieces.is_face[j])
+
+
+@subroutine
+def are_convex(pieces: Pieces, i: int, j: int) -> bool:
+    """Whether a pair is two grains of a piece each."""
+    if j >= pieces.is_face.size:
+        return False
+    of_i, of_j = pieces.piece[i + 1] - pieces.piece[i], pieces.piece[j + 1] - pieces.piece[j]
+    return bool(of_i == 1 and of_j == 1)
