@@ -606,7 +606,7 @@ class Engine:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
-        attraction = self._begin_adhesion(scene, dt) if laws.adhesion.size else 0.0
+        attraction = self._begin_adhesion(scene, step.pieces, dt) if laws.adhesion.size else 0.0
         if laws.rolling.size:
             row = warm_rows(layout.model.grain_count, state.contact_i)
             begin_rolling(
@@ -638,14 +638,14 @@ class Engine:
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
         return contacts, scale, is_solved, lacking, beyond
 
-    def _begin_adhesion(self, scene: Scene, dt: float) -> float:
+    def _begin_adhesion(self, scene: Scene, pieces: Pieces | None, dt: float) -> float:
         """Attraction into all contacts and free velocities; returns the largest F Δt [N s]."""
         layout, selection = self._layout, self._layout.selection
         contacts, lanes = selection.contacts, selection.lanes
         bridges = bridge_rows(layout.state, layout.model.grain_count)
         begin_attraction(
-            scene, self._laws, contacts, selection.i, selection.j, layout.before, *bridges, dt,
-            selection.faces,
+            scene, pieces, self._laws, contacts, selection.i, selection.j, layout.before,
+            *bridges, dt, selection.faces,
         )  # fmt: skip
         scatter_impulses(contacts, lanes.slot, lanes.impulse)
         attract(

@@ -189,12 +189,13 @@ def _insert(
     done, tried, misses = 0, 0, 0
     while done < radius.size:
         uniform = rng.random((max(_BATCH, 2 * (radius.size - done)), 2))
-        # Only centers that are not in solid matter count as attempts, nor near outlines
+        # Only centers that are not in solid matter count as attempts, nor where outlines leave no
+        # room for the next grain: it would be caught between them
         if not obstacles.room.is_open:
             uniform = uniform[obstacles.room.clearance(uniform * box[2:] + box[:2]) > 0.0]
         if grains.grains is not None:
             uniform = uniform[
-                ~are_hit(uniform * box[2:] + box[:2], float(radius.min()), region, grains)
+                ~are_hit(uniform * box[2:] + box[:2], float(radius[order[done]]), region, grains)
             ]
         if grains.grains is not None or not obstacles.room.is_open:
             misses = 0 if len(uniform) else misses + 1

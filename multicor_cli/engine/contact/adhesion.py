@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
-from multicor_cli.engine.contact.faces import FacePairs, rows_of_faces
-from multicor_cli.engine.geometry.outlines import true_gap
+from multicor_cli.engine.contact.faces import FacePairs, pieces_of_key, rows_of_faces
+from multicor_cli.engine.geometry.outlines import LEAN, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
@@ -69,31 +69,50 @@ def share_of_force(first: float, last: float, reach: float, is_wet: bool) -> flo
 
 
 @kernel
-def _share_points(scene: Scene, contacts: Contacts, faces: FacePairs, share: Floats) -> None:
-    """Share of points of grains that are no discs: where pieces of walls join they divide one.
+def _share_points(
+    scene: Scene, pieces: Pieces, contacts: Contacts, faces: FacePairs, share: Floats
+) -> None:
+    """Share of points of grains that are no discs, into how many pieces a wall may be cut.
 
-    **Modifies** ``share``.
+    Where pieces of walls join they divide one, and where they join under a side there is none: it
+    holds at its ends. **Modifies** ``share``.
     """
-    grains, first = scene.radius.size, 0
+    first = 0
     for f in range(faces.first.size):
-        i = faces.i[f]
-        if faces.i[first] != i:
+        if faces.i[first] != faces.i[f]:
             first = f
+        last = f + 1
+        while last < faces.i.size and faces.i[last] == faces.i[f]:
+            last += 1
         for c in range(faces.first[f], faces.first[f] + faces.room[f]):
             share[c] = 1.0
-            if contacts[c].j < grains:
-                continue
-            there = 0
-            for other in range(first, faces.first.size):
-                if faces.i[other] != i:
-                    break
-                for k in range(faces.first[other], faces.first[other] + faces.room[other]):
-                    away = abs(contacts[k].own_x - contacts[c].own_x) + abs(
-                        contacts[k].own_y - contacts[c].own_y
-                    )
-                    is_of_wall = contacts[k].j >= grains and contacts[k].gap < inf
-                    there += is_of_wall and away <= TOUCHING * scene.radius[i]
-            share[c] /= max(1, there)
+            if faces.j[f] >= scene.radius.size and contacts[c].gap < inf:
+                share[c] = _share_among(
+                    c, faces.first[first], faces.first[last - 1] + faces.room[last - 1], scene,
+                    pieces, contacts,
+                )  # fmt: skip
+
+
+@subroutine
+def _share_among(
+    c: int, start: int, end: int, scene: Scene, pieces: Pieces, contacts: Contacts
+) -> float:
+    """Share of a point of a wall among all points ``start … end-1`` of its grain."""
+    one, there, is_before, is_after = contacts[c], 0, False, False
+    near = TOUCHING * scene.radius[one.i]
+    mine = pieces_of_key(pieces, scene, one.i, one.j, one.key)[0]
+    for k in range(start, end):
+        other = contacts[k]
+        if other.j < scene.radius.size or other.gap == inf:
+            continue
+        x, y = other.own_x - one.own_x, other.own_y - one.own_y
+        there += abs(x) + abs(y) <= near
+        is_along = abs(other.nx * one.ny - other.ny * one.nx) < LEAN
+        theirs = pieces_of_key(pieces, scene, other.i, other.j, other.key)[0]
+        if is_along and theirs == mine and other.nx * one.nx + other.ny * one.ny > 0.0:
+            along = y * one.nx - x * one.ny
+            is_before, is_after = is_before or along < -near, is_after or along > near
+    return 0.0 if is_before and is_after else 1.0 / max(1, there)
 
 
 @kernel
@@ -114,8 +133,8 @@ def _nearest_pieces(scene: Scene, contacts: Contacts, i: Ints, j: Ints) -> Float
 
 @kernel
 def begin_attraction(
-    scene: Scene, laws: ContactLaws, contacts: Contacts, i: Ints, j: Ints, bodies: Floats,
-    bridge_row: NDArray[np.int64], bridge_j: Ints, dt: float, faces: FacePairs,
+    scene: Scene, pieces: Pieces | None, laws: ContactLaws, contacts: Contacts, i: Ints, j: Ints,
+    bodies: Floats, bridge_row: NDArray[np.int64], bridge_j: Ints, dt: float, faces: FacePairs,
 ) -> None:  # fmt: skip
     """F Δt into all contacts [N s], the mean over the way that a pair goes with u_n⁻ in the step.
 
@@ -128,7 +147,8 @@ def begin_attraction(
     """
     count = scene.radius.size
     share = _nearest_pieces(scene, contacts, i, j)
-    _share_points(scene, contacts, faces, share)
+    if pieces is not None:
+        _share_points(scene, pieces, contacts, faces, share)
     has_bridge = met_before(scene, bridge_row, bridge_j, i, j)
     for c in range(contacts.size):
         contact = contacts[c]

@@ -32,7 +32,8 @@ PASSING = 0.1
 
 BESIDE = 20.0
 """How far from a corner of both pieces a point may be that is passed, over the overlap there: at
-corners of more than 3° another edge overlaps by more where it is farther."""
+corners of more than 3° another edge overlaps by more where it is farther. Or it is as far as the
+pair moves in a step: a side that leans forward meets the corner of the next joint that far up."""
 
 ALIKE = 1e-3
 """Sine of the angle between two normals that are the same axis."""
@@ -159,14 +160,15 @@ def touch_passing(
     has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
     if first.gap == inf or not has_corners:
         return first, second
-    r_a, r_b, near = pieces.rounding[a], pieces.rounding[met], BESIDE * graze
+    if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
+        return first, second
+    r_a, r_b = pieces.rounding[a], pieces.rounding[met]
+    near = max(BESIDE * graze, dt * fastest_points(scene, pieces, velocity, i, j))
     if not _is_beside_corner(
         pieces, a, first.i_x + r_a * first.nx, first.i_y + r_a * first.ny, near
     ) or not _is_beside_corner(
         pieces, met, first.j_x + wall_x - r_b * first.nx, first.j_y + wall_y - r_b * first.ny, near
     ):
-        return first, second
-    if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
         return first, second
     found = _past(
         first, scene, pieces, velocity, i, a, j, met, wall_x, wall_y, dt, graze
