@@ -158,11 +158,31 @@ _ONE = np.ones(1)
 _CENTER = "center of mass in the unit of the corners, with gyration; default: that of the true area"
 
 
-def _fault_of_center(center: Coordinates | None, gyration: float | None) -> Iterator[Refused]:
-    """What is wrong with a center of mass that is given: mass is then not as the area."""
-    if center is not None and gyration is None:
+THINNEST = 0.01
+"""Least area of a grain, over the square of its reach: what is thinner falls through others."""
+
+
+def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[Refused]:
+    """What is wrong with outlines that are thin, and a center of mass that is given."""
+    forms = shape.forms(np.zeros((1, 0)))
+    area, places = shape._of_area(forms).area, shape.measures(forms).center
+    for k, form in enumerate(forms):
+        share = float(area[k]) / _reach(form, places[k]) ** 2
+        if share < THINNEST:
+            which = f"grain {k + 1} of the outlines" if len(forms) > 1 else "the outline"
+            what = f"{which} has an area of {share:.1e} times the square of its reach"
+            yield Refused((), what, f"give it more width: at least {THINNEST}")
+    if center is None:
+        return
+    if shape.gyration is None:  # mass is not as the area
         what = "with a center of mass by hand the moment of inertia is not that of the area"
         yield Refused(("center",), what, "give gyration too")
+    angle = np.linspace(0.0, 2.0 * math.pi, 721)
+    towards = np.stack([np.cos(angle), np.sin(angle)])
+    reach = np.max([(corners @ towards + r).max(axis=0) for corners, r in forms[0]], axis=0)
+    if (np.array(center) @ towards > reach).any():
+        what = f"no mass within the outline has its center at {list(center)}"
+        yield Refused(("center",), what, "give a point within it, in the unit of the corners")
 
 
 class DiscShape(Table):
@@ -238,7 +258,8 @@ class PolygonShape(GrainShape):
         if self.vertices is None and self.center is not None:
             what = "a center of mass by hand is a point among vertices"
             yield Refused(("center",), what, "give vertices in place of sides")
-        yield from _fault_of_center(self.center, self.gyration)
+        if self.vertices is not None:
+            yield from _faults_of_form(self, self.center)
         for key, none in (("elongation", 1.0), ("irregular", 0.0)):
             if self.vertices is not None and getattr(self, key) != none:
                 yield Refused((key,), f"{key} is of regular polygons", "remove it, or give sides")
@@ -347,7 +368,7 @@ class ClumpShape(GrainShape):
     center: Coordinates | None = optional(_CENTER)
 
     def faults(self) -> Iterator[Refused]:
-        yield from _fault_of_center(self.center, self.gyration)
+        yield from _faults_of_form(self, self.center)
 
     @property
     def is_disc(self) -> bool:
@@ -390,7 +411,8 @@ class FileShape(GrainShape):
     )
 
     def faults(self) -> Iterator[Refused]:
-        yield from faults_of_columns((self.grain, self.ring, self.x, self.y))
+        faults = list(faults_of_columns((self.grain, self.ring, self.x, self.y)))
+        yield from faults or _faults_of_form(self, None)
 
     def _outlines(self) -> list[Drawn]:
         columns = (self.grain, self.ring, self.x, self.y)

@@ -220,8 +220,10 @@ def leaning(head, count):
     return np.array(angle), np.array(rate)
 
 
-def domino_speed(count=14, steps=1500):
-    """Speed of the front over √(g h): feet that do not slip, backs without friction, no rebound.
+def domino_speed(first=12, last=20, steps=1500):
+    """Mean speed of the front between two dominoes over √(g h).
+
+    Feet do not slip, backs are without friction, nothing rebounds.
 
     Between impacts the energy of those that lean on each other is kept, with one degree of freedom;
     an impact keeps the momentum along the motion that is left (a projection).
@@ -235,7 +237,7 @@ def domino_speed(count=14, steps=1500):
         return 0.5 * G * diagonal * np.cos(angle - tilt).sum()
 
     spin, times = 1.0, []
-    for fallen in range(1, count + 1):
+    for fallen in range(1, last + 1):
         known = [leaning(at, fallen) for at in head]
         mass = np.array([inertia * (rate**2).sum() for _, rate in known])
         height = np.array([potential(angle) for angle, _ in known])
@@ -247,11 +249,12 @@ def domino_speed(count=14, steps=1500):
         _, after = leaning(0.0, fallen + 1)
         momentum = inertia * (rate * after[1:]).sum() * speed[-1]
         spin = momentum / (inertia * (after**2).sum())
-    return (GAP + THICKNESS) / times[-1] / np.sqrt(G * HEIGHT)
+    mean = np.mean(times[first:last])
+    return (GAP + THICKNESS) / mean / np.sqrt(G * HEIGHT)
 
 
 def test_dominoes_fall_as_fast_as_they_should(record_property):
-    """Speed of the front after ten of thirty dominoes, to first order in the time step."""
+    """Speed of the front from the 12th to the 20th domino, to first order in the time step."""
     exact, errors = domino_speed(), []
     print(f"speed in theory {exact:.4f} sqrt(g h)")
     for dt in (4e-3, 2e-3, 1e-3):
@@ -276,4 +279,5 @@ def test_dominoes_fall_as_fast_as_they_should(record_property):
         errors.append(speed / exact - 1.0)
         print(f"dt = {dt:g} s: {speed:.4f} sqrt(g h), {100.0 * errors[-1]:+.2f} %")
     keep(record_property, exact=exact, errors=errors)
-    assert abs(errors[-1]) < 0.02
+    assert abs(errors[-1]) < 3e-3
+    assert abs(errors[2]) < abs(errors[1]) < abs(errors[0])

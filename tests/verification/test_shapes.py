@@ -248,6 +248,22 @@ def test_flush_joints_of_several_bodies_stop_nothing(floor, step, friction):
     assert tally(state, "max_overlap") <= 1e-3
 
 
+@pytest.mark.parametrize(("sides", "way"), [(5, 0.06), (6, 0.06), (8, 0.03), (8, 0.06)])
+@pytest.mark.parametrize("start", [0.2, 0.31])
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_a_side_that_leans_meets_no_joint_ahead(sides, way, start, friction):
+    """As far up as the grain slides in a step (``way`` over its reach) is the next corner on it."""
+    _, _, shapes, walls, _ = over_walls(0.0)
+    reach, dt, time = 0.3, 4e-3, 0.4
+    low, speed = reach * np.cos(np.pi / sides), way * reach / dt
+    grain = [(regular(sides, reach, (1.0 / sides - 0.5) * np.pi), 0.0)]
+    model = shaped_model([grain], shapes, walls, friction=friction)
+    engine = shaped_engine(model, [[start, low, 0.0]], [[speed, 0.0, 0.0]], settings=SHARP)
+    state = advance(engine, dt, round(time / dt))
+    assert state.velocity[0, 0] == pytest.approx(speed - friction * G * time, abs=1e-3 * speed)
+    assert tally(state, "max_overlap") <= 1e-3
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.3, 0.4995])
 def test_a_tip_that_meets_a_side_hits_it(offset):
     """With 2/(2/m + l²/I), off its middle too and near its end."""

@@ -197,6 +197,19 @@ def test_later_groups_fill_the_room_between_outlines(shape, kind):
     assert smallest_outline_gap(model, state) >= -1e-12
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_later_groups_of_many_sizes_start_where_their_largest_fit(seed):
+    """In cages between pentagons, where the smallest do, they would stay."""
+    sizes = {"kind": "uniform", "min": 1.5e-4, "max": 5e-4}
+    model, state = same_room(
+        {"shape": PENTAGON, "sizes": {"kind": "list", "radii": [5e-4]}, "count": 430},
+        {"shape": "disc", "sizes": sizes, "count": 110},
+        domain={"periodic": False}, scenario={"seed": seed},
+    )  # fmt: skip
+    assert np.count_nonzero(model.grains.group == 1) == 110
+    assert smallest_outline_gap(model, state) >= -1e-12
+
+
 def test_walls_are_seen_by_the_outlines_of_grains():
     """Rods fill the corner between a line and the floor, where their circles do not fit."""
     line = {"kind": "polyline", "points": [[0.0, 2e-3], [0.03, 12e-3]]}

@@ -17,7 +17,7 @@ from scene_parts import (
     shear_engine,
     tally,
 )
-from shapes import box, shaped_engine, shaped_model
+from shapes import box, shaped_engine, shaped_model, wall_line
 
 from multicor_cli.engine.contact.adhesion import share_of_force
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Gravity, WallDrive
@@ -370,10 +370,15 @@ SQUARE = [(box(0.2, 0.2), 0.0)]
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_side_holds_at_both_ends(kind, factor):
-    """A square below a ceiling bears 2 F_a."""
+@pytest.mark.parametrize("joints", [None, 0, 1, 4])
+def test_a_side_holds_at_both_ends(joints, kind, factor):
+    """A square below a ceiling bears 2 F_a, wherever that is put together."""
+    ceiling = CEILING
+    if joints is not None:
+        x = [2.0, *np.linspace(0.1, -0.05, joints), -2.0]
+        ceiling = wall_line(np.column_stack([x, np.ones(len(x))]))
     model = shaped_model(
-        [SQUARE], CEILING, ("ceiling",), adhesion=1.0, reach=REACH, wet=kind == "wet"
+        [SQUARE], ceiling, ("ceiling",), adhesion=1.0, reach=REACH, wet=kind == "wet"
     )
     load = factor * 2.0 / model.grains.mass[0]
     model = replace(model, gravity=np.array([0.0, -load]))
