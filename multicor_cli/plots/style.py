@@ -204,6 +204,8 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
+        # Once more than is done when saving: axes that change their size may have longer tick labels
+        figure.get_layout_engine().execute(figure)
         save_figure(figure, path)
 
 

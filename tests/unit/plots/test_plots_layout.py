@@ -15,6 +15,7 @@ from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
 from multicor_cli.post.lattice import Lattice
+from multicor_cli.store import open_run
 
 ALL = post.Selection(start=0.0)
 SHAPES = [
@@ -122,6 +123,20 @@ def test_charts(column, drawn):
         post.correlation(column, ALL, 1.0, margin=0.0),
     ):
         drawn(table)
+
+
+def test_labels_have_room_beside_ticks_that_become_longer_with_the_panels(drawn):
+    """Ticks at 0.050 and 0.055 stand where there were some at 0.05 and 0.10."""
+    table = post.wall_heat(layer(), ALL)
+    (name,) = (name for name in table.values if name.endswith("flow"))
+    table.values[name] = np.resize([0.0493, 0.0743, 0.0571], table.time.size)
+    drawn(table)
+
+
+def test_fields_of_shapes(shaped, drawn):
+    with open_run(shaped) as run:
+        drawn(post.profiles(run, "nematic", ALL))
+        drawn(post.force_network(run))
 
 
 def test_times_late_in_a_run_do_not_lie_over_each_other(drawn):
