@@ -248,9 +248,11 @@ FIGURES = {
         diffusion_text,
     ),
     ProfileSet: Renderer(
-        lambda table: (COLUMN, COLUMN)
-        if _are_components(table)
-        else (PAGE if table.tables[1:] else COLUMN, 0.9 * COLUMN),
+        lambda table: (
+            (COLUMN, COLUMN)
+            if _are_components(table)
+            else (PAGE if table.tables[1:] else COLUMN, 0.9 * COLUMN)
+        ),
         _fill,
         profiles_text,
     ),

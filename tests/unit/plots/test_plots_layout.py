@@ -125,12 +125,21 @@ def test_charts(column, drawn):
         drawn(table)
 
 
-def test_labels_have_room_beside_ticks_that_become_longer_with_the_panels(drawn):
-    """Ticks at 0.050 and 0.055 stand where there were some at 0.05 and 0.10."""
-    table = post.wall_heat(layer(), ALL)
-    (name,) = (name for name in table.values if name.endswith("flow"))
-    table.values[name] = np.resize([0.0493, 0.0743, 0.0571], table.time.size)
-    drawn(table)
+def test_labels_have_room_beside_ticks_that_become_longer_with_the_panels(monkeypatch):
+    """As those at 0.050 and 0.055 do that stand where there were some at 0.05 and 0.10; a layout
+    places panels twice, and here the third place still has longer ones."""
+    monkeypatch.setattr(style, "save_figure", lambda figure, _path: check(figure))
+    places = []
+    with style.figure_file(Path("figure.pdf"), 3.0, 2.0) as figure:
+        panel = figure.add_subplot(ylabel="heat flow")
+
+        def tick(_value, _position):
+            if (place := panel.get_position().x0) not in places:
+                places.append(place)
+            return "0.05" + "555" * min(len(places), 3)
+
+        panel.yaxis.set_major_formatter(tick)
+    assert len(places) > 3
 
 
 def test_fields_of_shapes(shaped, drawn):
