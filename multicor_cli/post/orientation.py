@@ -70,7 +70,10 @@ def degrees_of(axes: Complexes) -> Floats:
 
 
 def _stretch(outlines: Outlines) -> Complexes:
-    """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0."""
+    """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0.
+
+    Nan of grains so thin that the lines around them enclose nothing.
+    """
     grain, start, end = sides_of(rings_of(outlines))
     (x, y), (u, v), n = start.T, end.T, outlines.area.size
     cross = x * v - u * y
@@ -79,6 +82,7 @@ def _stretch(outlines: Outlines) -> Complexes:
         return np.asarray(np.bincount(grain, cross * values, n), np.float64)
 
     area = total(np.full(grain.size, 0.5))
+    area = np.where(area > 0.0, area, np.nan)
     a, b = total((x + u) / 6.0) / area, total((y + v) / 6.0) / area
     xx = total((x * x + x * u + u * u) / 12.0) - area * a * a
     yy = total((y * y + y * v + v * v) / 12.0) - area * b * b
