@@ -38,7 +38,7 @@ def test_what_is_alike_along_all_axes_has_none():
     for pieces in ([disc(0.5)], [regular(3)], [regular(4, 1.0, 0.1)], [regular(5, 1.0, 0.4, 0.2)]):
         assert np.isnan(axis_of(pieces))
     with np.errstate(all="raise"):  # too thin to enclose anything
-        assert np.isnan(axis_of([(np.array([[0.0, -1e-11], [1.0, 0.0], [0.0, 1e-11]]), 0.0)]))
+        assert np.isnan(axis_of([(np.array([[0.0, 0.0], [1.0, 0.0]]), 0.0)], areas=[1e-12]))
     cross = [box(1.0, 0.2), box(0.2, 1.0)]
     assert np.isnan(axis_of(cross, areas=[0.36]))
 
