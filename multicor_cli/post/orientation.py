@@ -69,6 +69,7 @@ def degrees_of(axes: Complexes) -> Floats:
     return np.asarray(np.where(found == 180.0, 0.0, found))  # of −0 but for rounding
 
 
+@np.errstate(invalid="ignore")
 def _stretch(outlines: Outlines) -> Complexes:
     """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0.
 
@@ -82,7 +83,6 @@ def _stretch(outlines: Outlines) -> Complexes:
         return np.asarray(np.bincount(grain, cross * values, n), np.float64)
 
     area = total(np.full(grain.size, 0.5))
-    area = np.where(area > 0.0, area, np.nan)
     a, b = total((x + u) / 6.0) / area, total((y + v) / 6.0) / area
     xx = total((x * x + x * u + u * u) / 12.0) - area * a * a
     yy = total((y * y + y * v + v * v) / 12.0) - area * b * b
