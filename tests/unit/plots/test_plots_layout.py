@@ -142,6 +142,22 @@ def test_labels_have_room_beside_ticks_that_become_longer_with_the_panels(monkey
     assert len(places) > 3
 
 
+@pytest.mark.parametrize("count", [2, 8, 12])
+def test_many_groups_have_a_legend_of_as_many_colors(column, drawn, count):
+    """In a wide scene names would lie over each other below a bar."""
+    names = tuple(f"written-out {k}" for k in range(count))
+    table = post.grain_map(column, "group").with_(names=names)
+    figure = drawn(reshaped(table, 20.0, 8.0))
+    picture, bar = figure.axes
+    grains = picture.collections[0]
+    assert len({tuple(color) for color in grains.to_rgba(np.arange(count))}) == count
+    legend = bar.get_legend()
+    assert (legend is not None) == (count > 2)
+    if legend is not None:
+        assert tuple(text.get_text() for text in legend.get_texts()) == names
+        assert not legend.get_window_extent().overlaps(picture.xaxis.label.get_window_extent())
+
+
 def test_fields_of_shapes(shaped, drawn):
     with open_run(shaped) as run:
         drawn(post.profiles(run, "nematic", ALL))
