@@ -53,8 +53,9 @@ def diffusion(
     about = _span(table.frames.size, "frame", table.times)
     unit = table.shear_rate * table.diameter**2
     for axis, value, error in zip("xy", table.diffusion, table.diffusion_error, strict=True):
-        about += f"\nD_{axis} = {value:.4g} ± {error:.2g} m²/s"
-        about += f" = {value / unit:.3g} ± {error / unit:.1g} γ̇d²" if unit > 0.0 else ""
+        told, scaled = (f"{error:.2g}", f"{error / unit:.1g}") if error >= 0.0 else ("–", "–")
+        about += f"\nD_{axis} = {value:.4g} ± {told} m²/s"
+        about += f" = {value / unit:.3g} ± {scaled} γ̇d²" if unit > 0.0 else ""
     return Shown(table, about, directory, is_detailed=False)
 
 
@@ -311,7 +312,10 @@ def fabric(
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.fabric(run, selection, margin=margin, between=between)
-    return Shown(table, _about_bulk(table), directory)
+    about = _about_bulk(table)
+    if "edge_edge" in table.values and "nematic_order" not in table.values:
+        about += "; no grain has a long axis, so there is no nematic order"
+    return Shown(table, about, directory)
 
 
 def _about_bulk(table: Any) -> str:

@@ -38,16 +38,22 @@ SHOWN = (1.0, 3.0)
 LEGEND = 0.62
 """Room for the legend [inch]."""
 _WIDEST = 0.75  # width of the widest line over the mean diameter
+_THICKEST = 8.0  # line of a legend [points]: rows are some 10 points apart
+_TENSION = COLORS[2]
 
 
 def draw_forces(axes: Any, network: ForceNetwork, *, unit: float | None = None) -> None:
     """Draw a force network into matplotlib axes, with a legend above the figure.
 
-    The line of the mean normal force, or of the force ``unit`` [N], is 0.15 mean diameters wide.
+    The line of the mean normal force without sign, or of the force ``unit`` [N], is 0.15 mean
+    diameters wide. Contacts in tension have a color of their own, whether they slide or not.
     """
     name_frame(axes, network.time, network.frame)
     if draw_network(axes, network, unit).size:
-        explain_network(axes, network, {"sticking": COLORS[0], "sliding": COLORS[1]}, unit)
+        names = {"sticking": COLORS[0], "sliding": COLORS[1]}
+        if (network.force[:, 0] < 0.0).any():
+            names["in tension"] = _TENSION
+        explain_network(axes, network, names, unit)
 
 
 def explain_network(
@@ -57,13 +63,16 @@ def explain_network(
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], color=color, linewidth=2.0) for color in names.values()]
-    handles += lines_shown(axes, network.scene)
-    shown = _mean_size(network) if unit is None else unit
-    labels = [*names, *(f"{times * shown:.2g} N" for times in SHOWN)]
-    title = f"width: normal force, mean {_mean_size(network):.3g} N"
+    labels = list(names)
+    if len(names) % 2:  # columns of two
+        handles.append(Line2D([], [], linestyle="none"))
+        labels.append("")
+    size = float(np.abs(network.force[:, 0]).mean()) if unit is None else unit
+    widths = lines_shown(axes, network.scene, size, "N")
     axes.figure.legend(
-        handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0,
-        columnspacing=1.0, handlelength=1.6, handletextpad=0.5,
+        [*handles, *widths.values()], [*labels, *widths], loc="outside upper center",
+        ncols=len(labels) // 2 + 1, title=f"width: normal force, mean {_mean(network):.3g} N",
+        title_fontsize=7.0, columnspacing=1.0, handlelength=1.6, handletextpad=0.5,
     )  # fmt: skip
 
 
@@ -72,7 +81,7 @@ def draw_network(
 ) -> Floats:
     """Draw grains, walls and contacts; returns the widths of the lines of the contacts [points].
 
-    ``colors`` are those of the contacts; default: by whether they slide.
+    ``colors`` are those of the contacts; default: by whether they are in tension, or slide.
     """
     from matplotlib.collections import LineCollection
 
@@ -82,8 +91,10 @@ def draw_network(
         return np.zeros(0)
     lines, which = segments(network)
     width = line_widths(axes, network.scene, network.force[:, 0], unit=unit)
-    color = np.where(network.sliding, COLORS[1], COLORS[0]) if colors is None else colors
-    look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
+    if colors is None:
+        colors = np.where(network.sliding, COLORS[1], COLORS[0])
+        colors = np.where(network.force[:, 0] < 0.0, _TENSION, colors)
+    look: dict[str, Any] = {"linewidths": width[which], "colors": colors[which], "zorder": 3}
     drawn = LineCollection(list(lines), capstyle="round", **look)
     axes.add_collection(drawn)
     clip_to_cell(axes, network.scene, drawn)
@@ -117,13 +128,22 @@ def line_widths(
     return np.asarray(np.minimum(width * relative, widest / _WIDTH * width))
 
 
-def lines_shown(axes: Any, scene: GrainScene) -> list[Any]:
-    """Lines for a legend, of `SHOWN` times the mean size."""
+def lines_shown(axes: Any, scene: GrainScene, size: float, unit: str) -> dict[str, Any]:
+    """Lines for a legend by what they stand for: `SHOWN` times a size, whose line has unit width.
+
+    Where grains are so large that these would lie over each other, less of it.
+    """
     from matplotlib.lines import Line2D
 
     width = _unit_width(axes, scene)
+    part = min(1.0, _THICKEST / (SHOWN[-1] * width))
     look: dict[str, Any] = {"color": "0.2", "solid_capstyle": "butt"}
-    return [Line2D([], [], linewidth=times * width, **look) for times in SHOWN]
+    return {
+        f"{float(f'{part * times * size:.2g}'):g} {unit}": Line2D(
+            [], [], linewidth=part * times * width, **look
+        )
+        for times in SHOWN
+    }
 
 
 def _unit_width(axes: Any, scene: GrainScene) -> float:
@@ -133,16 +153,18 @@ def _unit_width(axes: Any, scene: GrainScene) -> float:
     return _WIDTH * 2.0 * float(scene.radius.mean()) * per_meter
 
 
-def _mean_size(network: ForceNetwork) -> float:
-    """Mean normal force without sign [N]."""
-    return float(np.abs(network.force[:, 0]).mean())
+def _mean(network: ForceNetwork) -> float:
+    """Mean normal force [N], tension negative, as the table has it."""
+    return float(network.force[:, 0].mean()) if network.i.size else 0.0
 
 
 def forces_text(network: ForceNetwork, terminal: Terminal, *, unit: float | None = None) -> str:
     """A force network as a picture; raises `MissingLibrary` without matplotlib."""
     picture = draw_picture(network.scene, lambda axes: draw_network(axes, network, unit), terminal)
-    mean = _mean_size(network) if network.i.size else 0.0
-    return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
+    colors = "blue: sticking, red: sliding"
+    if (network.force[:, 0] < 0.0).any():
+        colors += ", green: in tension"
+    return f"{picture}\nwidth: normal force, mean {_mean(network):.3g} N; {colors}"
 
 
 # ---- Statistics of contact forces: over their magnitude, and over directions of contacts

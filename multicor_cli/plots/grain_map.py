@@ -55,6 +55,8 @@ _BESIDE, _BELOW = 0.85, 0.62
 # Ends of sides that differ by less than this share of the coordinates are one corner
 _JOINED = 1e-9
 _TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
+_ROWS = 3  # of a legend in letters of the usual size in the room for a bar
+_SWATCH = 0.35  # room for a color of a legend and what lies around it [inch]
 _LETTER, _SYMBOL = 0.062, 8  # width of a letter [inch]; letters that a symbol and its unit take
 
 
@@ -260,7 +262,10 @@ def _colors(table: GrainMap) -> Any:
     if table.names:
         from matplotlib.colors import ListedColormap
 
-        return ListedColormap([COLORS[k % len(COLORS)] for k in range(len(table.names))])
+        count = len(table.names)
+        if count <= len(COLORS):
+            return ListedColormap(COLORS[:count])
+        return mpl.colormaps["turbo"].resampled(count)
     colors = mpl.colormaps[color_map(table.field.colors)].with_extremes(bad="white")
     is_logarithmic = table.field.scale == "logarithmic"
     return colors.with_extremes(under="white") if is_logarithmic else colors
@@ -284,6 +289,10 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str, note: str = ""
         axes.set_axis_off()
         axes.set_title(f"{table.field.label}:\n{table.names[0]}", loc="left", fontsize=8.0, y=0.5)
     elif table.names:
+        room = axes.get_position().width * axes.figure.get_figwidth() / len(table.names)
+        if is_wide(table.scene) and _LETTER * max(map(len, table.names)) > room:
+            _draw_names(axes, table, discs)
+            return
         direction = "horizontal" if is_wide(table.scene) else "vertical"
         bar = axes.figure.colorbar(discs, cax=axes, orientation=direction)
         bar.set_ticks(range(len(table.names)), labels=table.names)
@@ -293,6 +302,21 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str, note: str = ""
         if table.field.scale == "logarithmic" or not np.isfinite(table.value).all():
             note = note or "white: none"
         add_color_bar(axes, discs, table.scene, table.field, extend, note)
+
+
+def _draw_names(axes: Any, table: GrainMap, discs: Any) -> None:
+    """A legend at the place of a bar, where names would lie over each other below it."""
+    from matplotlib.patches import Patch
+
+    axes.set_axis_off()
+    count, wide = len(table.names), _LETTER * max(map(len, table.names)) + _SWATCH
+    columns = max(1, int(axes.figure.get_figwidth() / wide))
+    handles = [Patch(color=discs.cmap(k)) for k in range(count)]
+    axes.legend(
+        handles, table.names, loc="upper center", bbox_to_anchor=(0.5, 1.0), borderaxespad=0.0,
+        ncols=columns, columnspacing=1.0, handlelength=1.0, handletextpad=0.5, labelspacing=0.3,
+        fontsize=7.0 * min(1.0, _ROWS / -(-count // columns)),
+    )  # fmt: skip
 
 
 def add_color_bar(

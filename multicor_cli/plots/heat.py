@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.forces import SHOWN, line_widths, lines_shown, segments
+from multicor_cli.plots.forces import line_widths, lines_shown, segments
 from multicor_cli.plots.grain_map import (
     add_color_bar,
     clip_to_cell,
@@ -53,9 +53,9 @@ def draw_heat(figure: Any, network: HeatNetwork) -> None:
     if not network.i.size:
         return
     mean = float(np.abs(network.flow).mean())
-    labels = [f"{times * mean:.2g} W" for times in SHOWN]
+    lines = lines_shown(place.axes, network.scene, mean, "W")
     figure.legend(
-        lines_shown(place.axes, network.scene), labels, loc="outside upper center", ncols=2,
+        list(lines.values()), list(lines), loc="outside upper center", ncols=2,
         title=f"width: heat flow, mean {mean:.3g} W", title_fontsize=7.0,
         columnspacing=1.0, handlelength=1.6, handletextpad=0.5,
     )  # fmt: skip
@@ -98,7 +98,7 @@ def heat_text(network: HeatNetwork, terminal: Terminal) -> str:
 
 
 def draw_hot_spots(figure: Any, table: HotSpots) -> None:
-    """Draw both densities into a matplotlib figure; empty bins are left out."""
+    """Draw both densities into a matplotlib figure; lines break at empty bins."""
     flash, spot = figure.subplots(1, 2)
     center = np.sqrt(table.rise_edges[1:] * table.rise_edges[:-1])
     _draw(flash, center, table.rise_density, COLORS[0])
@@ -127,7 +127,7 @@ def draw_hot_spots(figure: Any, table: HotSpots) -> None:
 def _draw(panel: Any, center: Floats, density: Floats, color: str) -> None:
     known = density > 0.0
     style: dict[str, Any] = {"color": color, "linewidth": 0.8, "markersize": 2.5}
-    panel.semilogy(center[known], density[known], "o-", **style)
+    panel.semilogy(center, np.where(known, density, np.nan), "o-", **style)
     show_decades(panel.yaxis, density[known])
 
 

@@ -274,8 +274,11 @@ def draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> Non
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(quantities) > 1:
             legend_above(panel, len(quantities), handlelength=1.4)
-    for panel in grid[-1]:
+    for panel in grid.flat[len(panels) :]:
+        panel.set_axis_off()
+    for panel in grid.flat[: len(panels)][-grid.shape[1] :]:  # the lowest of each column
         panel.set_xlabel("time $t$ [s]")
+        panel.tick_params(labelbottom=True)
     names = [name for _, quantities in panels for name, _ in quantities]
     known = [bool(np.isfinite(table.error[n])) for n in names if np.isfinite(table.mean[n])]
     line: dict[str, Any] = {"color": "0.3", "linewidth": 0.7}
@@ -451,8 +454,6 @@ def draw_wall_heat(figure: Any, table: WallHeatTable) -> None:
         if f"{table.walls[0]}: {name}" in table.values
     ]
     grid = figure.subplots(3, 2, sharex=True)
-    for panel in grid.flat[len(panels) :]:
-        panel.set_axis_off()
     draw_panels(figure, grid, table, panels)
 
 

@@ -35,12 +35,20 @@ from multicor_cli.text import unit_sign
 
 
 def _fill(figure: Any, profiles: ProfileSet) -> None:
-    """Draw one profile as `draw_profile` does, or those of several fields in one panel."""
-    if len(profiles.tables) == 1:
-        draw_profile(figure.add_subplot(), profiles.first)
+    """Draw profiles as `draw_profile` does, or those of the components of a field in one panel."""
+    if not _are_components(profiles):
+        panels = figure.subplots(1, len(profiles.tables), squeeze=False, sharey=True)[0]
+        for panel, table in zip(panels, profiles.tables, strict=True):
+            draw_profile(panel, table)
+            panel.label_outer()
         return
     _draw_profiles(figure.add_subplot(), profiles)
     figure.legend(loc="outside upper center", ncols=4, columnspacing=1.2)
+
+
+def _are_components(profiles: ProfileSet) -> bool:
+    """Whether they are several in the same unit, which have one axis."""
+    return len(profiles.tables) > 1 and len({table.units for table in profiles.tables}) == 1
 
 
 def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
@@ -92,9 +100,12 @@ def axis_labels(table: ProfileTable) -> tuple[str, str]:
     return f"{label} ${scaled}$ [–]", "height $y/H$ [–]"
 
 
-def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
+def profiles_text(profiles: ProfileSet, terminal: Terminal) -> str:
     """Profiles: the fields across, the height upwards."""
-    first, has_many = profiles.first, len(profiles.tables) > 1
+    first, has_many = profiles.first, _are_components(profiles)
+    if profiles.tables[1:] and not has_many:
+        alone = (ProfileSet(table.field.name, (table,)) for table in profiles.tables)
+        return "\n\n".join(profiles_text(each, terminal) for each in alone)
     lines = [TextLine(t.field.name if has_many else "", t.value, t.y) for t in profiles.tables]
     label = without_components(first.field.label) if has_many else first.field.label
     return draw_text(
@@ -237,7 +248,13 @@ FIGURES = {
         diffusion_text,
     ),
     ProfileSet: Renderer(
-        lambda table: (COLUMN, (1.0 if table.tables[1:] else 0.9) * COLUMN), _fill, profiles_text
+        lambda table: (
+            (COLUMN, COLUMN)
+            if _are_components(table)
+            else (PAGE if table.tables[1:] else COLUMN, 0.9 * COLUMN)
+        ),
+        _fill,
+        profiles_text,
     ),
     ProfileTable: Renderer(
         lambda _: (COLUMN, 0.9 * COLUMN),

@@ -204,6 +204,9 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
+        # Once more than when saving: panels that change their size may have longer labels of ticks
+        layout: Any = figure.get_layout_engine()
+        layout.execute(figure)
         save_figure(figure, path)
 
 

@@ -83,11 +83,14 @@ def _over_time(panels: Panels, height: float, more: Panels = ()) -> Renderer:
     def of(table: TimeTable) -> Panels:
         return (*panels, *(panel for panel in more if panel[1][0][0] in table.values))
 
+    def rows(table: TimeTable) -> int:
+        return (len(of(table)) + 1) // 2
+
     def size(table: TimeTable) -> tuple[float, float]:
-        return PAGE, height * len(of(table)) / len(panels) * PAGE
+        return PAGE, height * rows(table) / (len(panels) // 2) * PAGE
 
     def draw(figure: Any, table: TimeTable) -> None:
-        grid = figure.subplots(len(of(table)) // 2, 2, sharex=True)
+        grid = figure.subplots(rows(table), 2, sharex=True)
         draw_panels(figure, grid, table, of(table))
 
     def text(table: TimeTable, _terminal: Terminal) -> str:

@@ -11,7 +11,7 @@ from multicor_cli.post.bulk import Bulk, find_bulk
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.forces import sum_directions, waves_of
 from multicor_cli.post.mobilization import laws_over_time, mobilized
-from multicor_cli.post.orientation import KINDS, axes_of, kinds_of
+from multicor_cli.post.orientation import KINDS, axes_of, has_axes, kinds_of, order_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -105,7 +105,7 @@ class Fabric(TimeTable):
 
     Where not all grains are discs, there are `OF_SHAPES`, too: shares of contacts by kind, and what
     they have of the sum of the normal forces that press (`multicor_cli.post.orientation.kinds_of`);
-    and the nematic order and director of the grains with their center in the bulk.
+    and, if any has a long axis, nematic order and director of those with their center in the bulk.
 
     Attributes:
         time: Times of the frames [s], shape ``(f,)``.
@@ -157,6 +157,8 @@ def fabric(
         if model.outlines is not None:
             rows[-1] |= _of_shapes(contacts, counted, model, frame, bulk)
     shown = QUANTITIES if source.model.outlines is None else (*QUANTITIES, *OF_SHAPES)
+    if not has_axes(source.model):
+        shown = tuple(q for q in shown if not q.name.startswith("nematic"))
     values = {q.name: np.array([row.get(q.name, np.nan) for row in rows]) for q in shown}
     if not values["contacts"].any():
         raise PostError(
@@ -190,12 +192,8 @@ def _of_shapes(
             found[name] = float((kind == k).mean())
         if force.any():
             found[f"{name}_force"] = float(force[kind == k].sum() / force.sum())
-    axes = axes_of(model, frame)[bulk.inside(frame)]
-    axes = axes[np.isfinite(axes)]
-    if axes.size:
-        mean = complex(axes.mean())
-        found |= {"nematic_order": abs(mean), "nematic_director": _degrees(mean)}
-    return found
+    order = order_of(axes_of(model, frame)[bulk.inside(frame)])
+    return found | dict(zip(("nematic_order", "nematic_director"), order, strict=True))
 
 
 def _measure(

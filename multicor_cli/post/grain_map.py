@@ -11,6 +11,7 @@ from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
+from multicor_cli.post.orientation import order_of
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
 from multicor_cli.post.rings import Rings, rings_of
 from multicor_cli.post.source import (
@@ -205,6 +206,12 @@ def _statistics(field: GrainQuantity, value: Floats, names: tuple[str, ...]) -> 
     value = value[np.isfinite(value)]  # some grains may have none
     if not value.size:
         return values_of_quantities([("grains", 0.0)])
+    if field.scale == "half turn":  # modulo 180°: there is no mean, and no smallest one
+        order, director = order_of(np.exp(2j * np.radians(value)))
+        return values_of_quantities([
+            ("grains", float(value.size)), ("nematic order", order),
+            (with_unit("director of the long axes", field.unit), director),
+        ])  # fmt: skip
     quantiles = np.quantile(value, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
     below = [f"{part} of the grains below" for part in ("5 %", "half", "95 %")]
     labels = ("mean", "smallest", *below, "largest")

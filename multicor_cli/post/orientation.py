@@ -26,15 +26,41 @@ def axes_of(model: Model, frame: Frame) -> Complexes:
     """e^{2iθ} of the directions θ of the long axes of the grains, shape ``(n,)``.
 
     The long axis is that along which ∫ (x − x̄)² dA is largest; nan of grains that have none, as
-    discs and regular polygons. Raises `PostError` if all grains are discs.
+    discs and regular polygons.
     """
     if model.outlines is None:
-        raise PostError("discs have no long axes: choose a quantity that they have")
+        return np.full(model.grain_count, np.nan, np.complex128)
     along = _stretch(model.outlines)
     length = np.abs(along)
     with np.errstate(invalid="ignore"):
         unit = np.where(length > _ROUND, along / length, np.nan)
     return np.asarray(unit * np.exp(2j * np.asarray(frame.angle, np.float64)))
+
+
+def has_axes(model: Model) -> bool:
+    """Whether any grain has a long axis."""
+    return model.outlines is not None and bool((np.abs(_stretch(model.outlines)) > _ROUND).any())
+
+
+def need_axes(model: Model) -> None:
+    """Raises `PostError` if no grain has a long axis."""
+    if not has_axes(model):
+        raise PostError(
+            "no grain has a long axis, as discs and regular polygons have none: choose a quantity "
+            "that they have"
+        )
+
+
+def order_of(axes: Complexes) -> tuple[float, float]:
+    """Nematic order and director [°] of those that have long axes; nan if none has.
+
+    S e^{2iθ_S} = Σ e^{2iθ}/n, see `multicor_cli.post.quantities.QUANTITIES`.
+    """
+    known = axes[np.isfinite(axes)]
+    if not known.size:
+        return np.nan, np.nan
+    mean = known.mean()
+    return float(np.abs(mean)), float(degrees_of(mean))
 
 
 def degrees_of(axes: Complexes) -> Floats:
@@ -43,8 +69,12 @@ def degrees_of(axes: Complexes) -> Floats:
     return np.asarray(np.where(found == 180.0, 0.0, found))  # of −0 but for rounding
 
 
+@np.errstate(invalid="ignore")
 def _stretch(outlines: Outlines) -> Complexes:
-    """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0."""
+    """(J_xx − J_yy + 2i J_xy)/(J_xx + J_yy) of second moments of area, of each grain at angle 0.
+
+    Nan of grains so thin that the lines around them enclose nothing.
+    """
     grain, start, end = sides_of(rings_of(outlines))
     (x, y), (u, v), n = start.T, end.T, outlines.area.size
     cross = x * v - u * y

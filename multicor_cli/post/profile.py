@@ -14,6 +14,7 @@ from multicor_cli.post.bins import Between, Bins, Shares, make_bins
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.lattice import gradient_of, lattice_of, velocity_at
+from multicor_cli.post.orientation import need_axes
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, GrainQuantity
 from multicor_cli.post.source import (
     Frame,
@@ -283,9 +284,11 @@ def profiles(
     if groups:
         part = of_groups(part, groups)
     for field in fields:
-        if field.averaged is not None and (field.needs_heat or field.needs_shapes):
+        # a run without them is refused before anything else
+        if field.needs_axes:
+            need_axes(source.model)
+        if field.averaged is not None and field.needs_heat:
             first = source.frames[int(chosen[0])]
-            # a run without them is refused before anything else
             field.averaged(first, model_of(source, first))
     if kind == "rate" and chosen.size < 2:
         label = fields[0].label

@@ -20,7 +20,7 @@ from multicor_cli.post.contacts import (
 )
 from multicor_cli.post.flow import d2min, fluctuations
 from multicor_cli.post.lattice import Complexes
-from multicor_cli.post.orientation import axes_of, degrees_of
+from multicor_cli.post.orientation import axes_of, degrees_of, need_axes
 from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
 from multicor_cli.post.sums import OfMeans
 from multicor_cli.post.table import Quantity
@@ -70,7 +70,7 @@ class GrainQuantity(Quantity):
         colors: Color map of its maps.
         scale: How values become colors.
         needs_heat: Whether only runs with heat have it.
-        needs_shapes: Whether only runs have it in which not all grains are discs.
+        needs_axes: Whether only runs have it in which some grains have a long axis.
         averaged: Values of grains that a profile averages, shape ``(n,)``; of a rate what they hold
             since the start of the run; None if contacts have the values, or without a profile.
         of_walls: Values of the walls of a frame, shape ``(w,)``, or None where walls have none.
@@ -104,7 +104,7 @@ class GrainQuantity(Quantity):
     of_velocity: Callable[[Floats], Floats] | None = None
     of_others: bool = False
     since_before: bool = False
-    needs_shapes: bool = False
+    needs_axes: bool = False
     of_means: OfMeans | None = None
 
     def of_profile(self) -> GrainQuantity:
@@ -232,6 +232,13 @@ def _d2min(source: Run, frame: int) -> Floats:
     return d2min(model_of(source, there), source.frames[frame - 1], there)
 
 
+def _directions(source: Run, frame: int) -> Floats:
+    """θ of the long axes of the grains [°], shape ``(n,)``."""
+    need_axes(source.model)
+    there = source.frames[frame]
+    return degrees_of(axes_of(model_of(source, there), there))
+
+
 def _direction(mean: Complexes, whole: Complexes) -> Floats:
     """θ of means of e^{2iθ} [°], within 90° of those of the whole."""
     return np.asarray(degrees_of(whole) + np.degrees(0.5 * np.angle(mean * whole.conj())))
@@ -353,16 +360,13 @@ QUANTITIES: dict[str, GrainQuantity] = {
             since_before=True),
         GrainQuantity(
             "orientation", "direction of the long axis", r"\theta", "deg",
-            lambda source, frame: degrees_of(
-                axes_of(model_of(source, source.frames[frame]), source.frames[frame])
-            ),
-            "twilight", "half turn", needs_shapes=True,
+            _directions, "twilight", "half turn", needs_axes=True,
         ),
         GrainQuantity("nematic-order", "nematic order", "S", "1", kind="number",
-            averaged=lambda frame, model: axes_of(model, frame), needs_shapes=True,
+            averaged=lambda frame, model: axes_of(model, frame), needs_axes=True,
             of_means=lambda mean, _whole: np.abs(mean)),
         GrainQuantity("nematic-director", "director of the long axes", r"\theta_S", "deg",
-            averaged=lambda frame, model: axes_of(model, frame), needs_shapes=True,
+            averaged=lambda frame, model: axes_of(model, frame), needs_axes=True,
             kind="number", of_means=_direction),
         GrainQuantity("group", "group", "", "1", _kinds("group"),
             names_of=lambda model: model.groups),

@@ -83,5 +83,13 @@ def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:
         for k, (old, new) in enumerate(zip(before, after, strict=True)):
             yield from _compare((*path, k), old, new)
     elif type(before) is not type(after) or before != after:
-        old, new = ("not given" if each is _ABSENT else show(each) for each in (before, after))
-        yield Difference(path, old, new)
+        yield Difference(path, _told(before), _told(after))
+
+
+def _told(value: Any) -> str:
+    """A value as text: of a table at least which kind it is of."""
+    if value is _ABSENT:
+        return "not given"
+    if isinstance(value, dict) and "kind" in value:
+        return f"{{ kind = {show(value['kind'])}, … }}"
+    return show(value)

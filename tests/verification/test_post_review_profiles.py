@@ -101,7 +101,7 @@ def direct(run, of, chosen, count, left_out):
     return value, oracle.remembering_error(rows)
 
 
-@pytest.mark.parametrize("of", [of for of, each in PROFILED.items() if not each.needs_shapes])
+@pytest.mark.parametrize("of", [of for of, each in PROFILED.items() if not each.needs_axes])
 @pytest.mark.parametrize(
     ("frames", "count", "left_out"),
     [(slice(None), 9, 0.0), (slice(2, 12, 3), 30, 0.0), (slice(5, 9), 4, 2.0)],

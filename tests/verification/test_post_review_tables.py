@@ -367,9 +367,9 @@ def test_comparison_agrees_with_plain_loops(tmp_path):
 
 
 COMMANDS = [
-    *(f"profile --of {of} --frames :" for of, each in post.PROFILED.items() if not each.needs_shapes),
+    *(f"profile --of {of} --frames :" for of, each in post.PROFILED.items() if not each.needs_axes),
     *(f"profile --of {of} --frames :" for of in post.PROFILE_GROUPS if of != "nematic"),
-    *(f"map --of {of}" for of, each in post.MAPPED.items() if not each.needs_shapes),
+    *(f"map --of {of}" for of, each in post.MAPPED.items() if not each.needs_axes),
     "profile --of stress-yy --frames 4:5", "theta-eta --wall floor", "forces", "forces --frame 4",
     "forces --distribution --frames :", "forces --angles --frames :", "rheology --frames :",
     "rheology --frames 3:5", "energy",

@@ -15,6 +15,7 @@ from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
 from multicor_cli.post.lattice import Lattice
+from multicor_cli.store import open_run
 
 ALL = post.Selection(start=0.0)
 SHAPES = [
@@ -122,6 +123,45 @@ def test_charts(column, drawn):
         post.correlation(column, ALL, 1.0, margin=0.0),
     ):
         drawn(table)
+
+
+def test_labels_have_room_beside_ticks_that_become_longer_with_the_panels(monkeypatch):
+    """As those at 0.050 and 0.055 do that stand where there were some at 0.05 and 0.10; a layout
+    places panels twice, and here the third place still has longer ones."""
+    monkeypatch.setattr(style, "save_figure", lambda figure, _path: check(figure))
+    places = []
+    with style.figure_file(Path("figure.pdf"), 3.0, 2.0) as figure:
+        panel = figure.add_subplot(ylabel="heat flow")
+
+        def tick(_value, _position):
+            if (place := panel.get_position().x0) not in places:
+                places.append(place)
+            return "0.05" + "555" * min(len(places), 3)
+
+        panel.yaxis.set_major_formatter(tick)
+    assert len(places) > 3
+
+
+@pytest.mark.parametrize("count", [2, 8, 12])
+def test_many_groups_have_a_legend_of_as_many_colors(column, drawn, count):
+    """In a wide scene names would lie over each other below a bar."""
+    names = tuple(f"written-out {k}" for k in range(count))
+    table = post.grain_map(column, "group").with_(names=names)
+    figure = drawn(reshaped(table, 20.0, 8.0))
+    picture, bar = figure.axes
+    grains = picture.collections[0]
+    assert len({tuple(color) for color in grains.to_rgba(np.arange(count))}) == count
+    legend = bar.get_legend()
+    assert (legend is not None) == (count > 2)
+    if legend is not None:
+        assert tuple(text.get_text() for text in legend.get_texts()) == names
+        assert not legend.get_window_extent().overlaps(picture.xaxis.label.get_window_extent())
+
+
+def test_fields_of_shapes(shaped, drawn):
+    with open_run(shaped) as run:
+        drawn(post.profiles(run, "nematic", ALL))
+        drawn(post.force_network(run))
 
 
 def test_times_late_in_a_run_do_not_lie_over_each_other(drawn):

@@ -1,25 +1,28 @@
 """Figures of maps, force networks and θ–η: what is drawn where. How they look is for eyes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn import figure_of, map_of, panel_of
 from heat_run import GRAINS
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from shaped_run import ANGLE, DUMBBELL, FRAME, LOWER, PLACES, TRIANGLE, TURN, UPPER
 
 from multicor_cli.model.shapes import Polygon
 from multicor_cli.plots import draw_forces, draw_theta_eta, place_scene
 from multicor_cli.plots.fields import _fill
-from multicor_cli.plots.forces import line_widths, segments
+from multicor_cli.plots.forces import forces_text, line_widths, lines_shown, segments
 from multicor_cli.plots.grain_map import color_scale, count_beyond, solid_polygons
-from multicor_cli.plots.style import COLORS, house_style
+from multicor_cli.plots.style import COLORS, Terminal, house_style
 from multicor_cli.plots.vectors import round_below
 from multicor_cli.post import MAPPED, Selection, fields, force_network, grain_map, theta_eta
 from multicor_cli.store import open_run
 from multicor_cli.text import unit_sign
 
 
-@pytest.mark.parametrize("of", [of for of, each in MAPPED.items() if not each.needs_shapes])
+@pytest.mark.parametrize("of", [of for of, each in MAPPED.items() if not each.needs_axes])
 def test_map_shows_every_grain_and_names_its_colors(column, of):
     table = grain_map(column, of)
     panel = map_of(table)
@@ -131,10 +134,41 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column):
     assert lines.get_linewidths() == pytest.approx(
         line_widths(panel, network.scene, network.force[:, 0])
     )
-    from matplotlib.colors import to_rgba
-
     assert tuple(lines.get_colors()[0]) == pytest.approx(to_rgba(COLORS[1]))  # sliding
     assert tuple(lines.get_colors()[1]) == pytest.approx(to_rgba(COLORS[0]))
+
+
+def test_contacts_in_tension_have_a_color_and_the_mean_is_that_of_the_table(column):
+    network = force_network(column)
+    force = network.force.copy()
+    force[::3, 0] *= -1.0
+    summary = {**network.summary, "normal_force_mean": float(force[:, 0].mean())}
+    pulled = network.with_(force=force, summary=summary)
+    panel = panel_of(draw_forces, pulled)
+    colors = panel.collections[-1].get_colors()
+    is_green = (colors == to_rgba(COLORS[2])).all(axis=1)
+    assert is_green.tolist() == (force[:, 0] < 0.0).tolist()
+    legend = panel.figure.legends[0]
+    assert [text.get_text() for text in legend.get_texts()][2] == "in tension"
+    mean = f"mean {summary['normal_force_mean']:.3g} N"
+    assert legend.get_title().get_text().endswith(mean)
+    assert mean in forces_text(pulled, Terminal())
+    assert "green: in tension" in forces_text(pulled, Terminal())
+    assert "tension" not in forces_text(network, Terminal())
+
+
+def test_lines_of_a_legend_are_never_so_thick_that_they_meet(column):
+    scene = force_network(column).scene
+    for size in (1.0, 20.0):
+        panel = panel_of(draw_forces, force_network(column))
+        large = replace(scene, radius=size * scene.radius)
+        lines = lines_shown(panel, large, 100.0, "N")
+        (one, thin), (three, thick) = ((k, line.get_linewidth()) for k, line in lines.items())
+        assert thick == pytest.approx(3.0 * thin)
+        assert thick <= 8.0
+        shown = np.array([float(name.removesuffix(" N")) for name in (one, three)])
+        wide = line_widths(panel, large, shown, 9.0, 100.0)
+        assert wide == pytest.approx([thin, thick], rel=0.03)  # two digits
 
 
 def test_pictures_of_a_frame_say_when_it_was(column):

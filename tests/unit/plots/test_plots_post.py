@@ -6,11 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import figure_of, map_of, panel_of
+from layers import sliding
+from made_up_frames import source_of
+from shaped import points_of, regular, shaped_frame, shaped_model
 from shaped_run import box
 
 from multicor_cli import plots, post
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.plots.fields import _draw_mesh
+from multicor_cli.plots.heat import draw_hot_spots
 from multicor_cli.plots.texture import FIGURES
 from multicor_cli.plots.vectors import round_below, smooth_field
 from multicor_cli.post.grain_map import GrainScene
@@ -43,9 +47,28 @@ def test_fabric_of_shapes_has_more_panels(column, shaped):
         "share of contacts [–]", "share of forces [–]", "anisotropy $a_{lt}$ [–]",
         "nematic order [–]",
     ]  # fmt: skip
+    contacts = points_of([0], [1], (0.0, -1.0), (1.0, 0.0), (0.0, 0.5))
+    frame = shaped_frame(np.array([[0.0, 0.0], [0.0, 1.0]]), contacts=contacts, walls=0)
+    pentagons = source_of(shaped_model([[regular(5)]] * 2, walls=()), [frame])
+    *shown, empty = figure_of(renderer.draw, post.fabric(pentagons, ALL)).axes
+    assert [axes.get_ylabel() for axes in shown] == panels[:-1]  # no long axes, no order of them
+    assert not empty.axison
+    assert [axes for axes in shown if axes.get_xlabel()] == shown[-2:]
     plain = post.fabric(column, ALL, margin=0.0)
     assert len(figure_of(renderer.draw, plain).axes) == 8
     assert renderer.size(table)[1] == pytest.approx(1.5 * renderer.size(plain)[1])
+
+
+def test_densities_of_hot_spots_break_at_empty_bins():
+    """Small flashes and large ones, and none in between."""
+    slips = [*(1e-4 * np.arange(5.0, 9.0)), *np.arange(5.0, 9.0)]
+    table = post.hot_spots(sliding([[(0, 1, 1.0, 0.5, slip) for slip in slips]] * 3), ALL)
+    panels = figure_of(draw_hot_spots, table).axes
+    for panel, density in zip(panels, (table.rise_density, table.spot_density), strict=True):
+        drawn, is_empty = panel.lines[0].get_ydata(), density == 0.0
+        assert is_empty[:-1].any()
+        assert np.isnan(drawn).tolist() == is_empty.tolist()
+        assert drawn[~is_empty] == pytest.approx(density[~is_empty])
 
 
 def test_energy_stacks_what_came_in_and_what_went_out(column):

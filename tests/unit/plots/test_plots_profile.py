@@ -4,13 +4,16 @@ import sys
 
 import numpy as np
 import pytest
-from drawn import panel_of
+from drawn import figure_of, panel_of
 from made_up_frames import profile_of
 
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots import PlotError, draw_profile, plot
-from multicor_cli.plots.profile import axis_labels
+from multicor_cli.plots.profile import FIGURES, axis_labels
 from multicor_cli.plots.style import COLUMN
+from multicor_cli.post import Selection
+from multicor_cli.post.profile import profiles
+from multicor_cli.store import open_run
 
 
 def make_table(*, error=0.01, low=0.0):
@@ -57,6 +60,23 @@ def test_errors_that_are_not_known_leave_no_islands():
     only = profile_of("velocity", np.array([0.5]), np.array([0.1]), 0.02)
     (box,) = panel_of(draw_profile, only).patches
     assert (box.get_y(), box.get_height(), box.get_width()) == pytest.approx((0.0, 1.0, 0.04))
+
+
+def test_fields_in_several_units_have_an_axis_each(tmp_path, shaped):
+    """Order and director have a panel each, beside each other; stresses share one."""
+    with open_run(shaped) as run:
+        nematic, stress = (profiles(run, of, Selection(start=0.0)) for of in ("nematic", "stress"))
+    renderer = FIGURES[type(nematic)]
+    order, director = figure_of(renderer.draw, nematic).axes
+    assert order.get_xlabel() == "nematic order $S$ [–]"
+    assert director.get_xlabel() == r"director of the long axes $\theta_S$ [°]"
+    assert (order.get_ylabel(), director.get_ylabel()) == ("height $y$ [m]", "")
+    for axes, table in zip((order, director), nematic.tables, strict=True):
+        assert axes.lines[0].get_xdata() == pytest.approx(table.value, nan_ok=True)
+    (only,) = figure_of(renderer.draw, stress).axes
+    assert only.get_xlabel() == "contact stress, compression positive [N/m]"
+    assert renderer.text(nematic, None).count("height y [m]") == 2
+    assert renderer.text(stress, None).count("height y [m]") == 1
 
 
 def test_figures_are_a_column_wide_and_reproducible(tmp_path):

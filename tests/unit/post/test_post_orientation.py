@@ -1,5 +1,6 @@
 """Long axes of grains and their nematic order: closed forms, sampled points, and plain loops."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,9 @@ def test_axes_of_shapes_with_symmetry(angle):
 def test_what_is_alike_along_all_axes_has_none():
     for pieces in ([disc(0.5)], [regular(3)], [regular(4, 1.0, 0.1)], [regular(5, 1.0, 0.4, 0.2)]):
         assert np.isnan(axis_of(pieces))
+    line = [(np.array([[0.0, 0.0], [1.0, 0.0]]), 0.0)]  # encloses nothing
+    with warnings.catch_warnings(action="error"):
+        assert np.isnan(axis_of(line, areas=[1e-12]))
     cross = [box(1.0, 0.2), box(0.2, 1.0)]
     assert np.isnan(axis_of(cross, areas=[0.36]))
 
@@ -114,7 +118,10 @@ def test_grains_without_an_axis_do_not_count():
     frame = shaped_frame(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), 0.2, walls=0)
     source = source_of(model, [frame])
     assert post.profile(source, "nematic-order", ALL, 1).value.tolist() == [1.0]
-    values = post.grain_map(source, "orientation").value
+    table = post.grain_map(source, "orientation")
+    told = dict(zip(*(column.values for column in table.columns), strict=True))
+    assert told["grains"] == 1.0
+    values = table.value
     assert values[0] == pytest.approx(np.degrees(0.2))
     assert np.isnan(values[1:]).all()
 
@@ -136,6 +143,16 @@ def test_directions_are_from_0_to_180_degrees():
     assert (found - [170, 0, 90, 170, 0, 170] + 90.0) % 180.0 == pytest.approx(np.full(6, 90.0))
 
 
+def test_a_map_of_directions_tells_their_order():
+    """Axes at 170° and 20° have a director between both, at 5°, not at 95°."""
+    table = post.grain_map(rods(np.radians([170.0, 20.0])), "orientation")
+    told = dict(zip(*(column.values for column in table.columns), strict=True))
+    order = np.cos(np.radians(30.0))
+    assert told == pytest.approx(
+        {"grains": 2.0, "nematic order": order, "director of the long axes [deg]": 5.0}
+    )
+
+
 def test_order_in_fabric_is_that_of_all_grains():
     random = np.random.default_rng(6)
     angle = random.normal(1.0, 0.3, 30)
@@ -147,11 +164,14 @@ def test_order_in_fabric_is_that_of_all_grains():
 
 
 @pytest.mark.parametrize("of", ["nematic-order", "nematic-director"])
-def test_discs_have_no_order(of):
-    source = source_of(make_model([0.5, 0.5]), [frame_of(np.eye(2))])
-    with pytest.raises(post.PostError, match="discs have no long axes"):
+@pytest.mark.parametrize(
+    "model", [make_model([0.5, 0.5]), shaped_model([[regular(5)], [disc(0.5)]], walls=())]
+)
+def test_discs_and_regular_polygons_have_no_order(of, model):
+    source = source_of(model, [frame_of(np.eye(2))])
+    with pytest.raises(post.PostError, match="no grain has a long axis"):
         post.profile(source, of, ALL)
-    with pytest.raises(post.PostError, match="discs have no long axes"):
+    with pytest.raises(post.PostError, match="no grain has a long axis"):
         post.grain_map(source, "orientation")
     with pytest.raises(post.PostError, match="choose one of nematic-order, nematic-director"):
         post.profile(source, "nematic", ALL)

@@ -70,6 +70,11 @@ def test_differences_name_every_key():
     assert find_differences(before, before) == []
 
 
+def test_tables_are_told_by_their_kinds():
+    (found,) = find_differences('a = "disc"', 'a = { kind = "rod", aspect = 2.0 }')
+    assert (found.before, found.after) == ('"disc"', '{ kind = "rod", … }')
+
+
 def test_lists_of_another_length_differ_as_a_whole():
     assert [d.path for d in find_differences("b = [1, 2]", "b = [1]")] == [("b",)]
 
