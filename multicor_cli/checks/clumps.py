@@ -26,17 +26,15 @@ def _extent(pieces: list[Piece]) -> float:
 
 
 def _gap(one: Piece, other: Piece) -> float:
-    """Distance of two pieces, below 0 if they overlap: of all directions the one that parts most.
+    """Distance of two pieces, below 0 if they overlap: in the direction that parts them most.
 
-    Where cores are farthest apart, the direction is normal to a side or leads from corner to
-    corner.
+    It is normal to a side, or leads from a corner to a corner. Corners are counter-clockwise.
     """
     (a, r_a), (b, r_b) = one, other
-    sides = np.concatenate([np.roll(core, -1, axis=0) - core for core in (a, b)])
+    sides = np.concatenate([np.roll(a, -1, axis=0) - a, b - np.roll(b, -1, axis=0)])
     ways = np.concatenate([sides[:, ::-1] * [1.0, -1.0], (b[None] - a[:, None]).reshape(-1, 2)])
     length = np.hypot(*ways.T)
     ways = (ways / np.where(length > 0.0, length, 1.0)[:, None])[length > 0.0]
-    ways = np.concatenate([ways, -ways])
     if not len(ways):  # two discs with one center
         return -(r_a + r_b)
     return float(((b @ ways.T).min(axis=0) - (a @ ways.T).max(axis=0)).max()) - r_a - r_b
@@ -84,14 +82,14 @@ BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule(
         "pieces twice in clumps", _twice, unit="pieces", warning=0.0,
         meaning="Pieces of a clump that are the same as another one. They change neither outline "
-            "nor mass, and are looked at for contacts each.",
+            "nor mass, and take their time in every contact.",
         remedy="Remove them, or correct their place.",
     ),
     Rule(
         "smallest piece of clumps", _smallest, unit="of the clump's length", least=1e-3,
         meaning="Length of the smallest piece of a clump over that of the clump. What is smaller "
-            "than overlaps may be hardly takes part in contacts.",
+            "than the overlap that contacts may have hardly takes part in them.",
         remedy="Give all pieces of a clump in the same unit, or leave small ones out.",
     ),
 )  # fmt: skip
-"""What is checked of clumps before a run; not of outlines in files, which are taken apart here."""
+"""What is checked of clumps before a run; pieces of outlines in files are not given by anybody."""

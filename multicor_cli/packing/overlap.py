@@ -309,7 +309,7 @@ def behind_problem(
     found = found[np.lexsort((found, across[found]))]
     items = [f"grain {''.join(groups.name(here[g]))} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: "
-    remedy = f"choose the other side, or {groups.away(here[found[0]])}"
+    remedy = f"choose the other side of the wall, or {groups.away(here[found[0]])}"
     return Refused(("walls", w), text + _listing(items, found.size, "grains"), remedy)
 
 

@@ -265,8 +265,9 @@ class Session:
             engine = make_engine(scenario, model, state, self.threads)
             what = "cell" if model.is_cell else "wall"
             parts = [count_noun(model.grain_count, "grain"), count_noun(model.wall_count, what)]
-            used, few = count_noun(engine.threads, "thread"), engine.threads < self.threads
-            parts.append(f"{used} of the {self.threads} allowed" if few else used)
+            parts.append(count_noun(engine.threads, "thread"))
+            if engine.threads < self.threads:
+                parts[-1] += f" of the {self.threads} allowed"
             self.observer.message(", ".join(parts))
             if self._compiles:
                 self.observer.message(

@@ -42,11 +42,12 @@ def read_wkt(text: str) -> Columns:
 def read_geojson(text: str) -> Columns:
     """Columns of a geometry, feature or collection of them in GeoJSON; raises as `_columns`."""
     try:
-        document = json.loads(text)
+        parts = [(where, json.dumps(one)) for where, one in _parts(json.loads(text), "")]
+    except Refused:
+        raise
     except (ValueError, RecursionError) as error:
         raise Refused((), f"the file cannot be read: {error}", "correct it") from None
-    parts = _parts(document, "")
-    return _columns((where, _from("from_geojson", json.dumps(one), where)) for where, one in parts)
+    return _columns((where, _from("from_geojson", one, where)) for where, one in parts)
 
 
 _COLLECTIONS = {

@@ -128,8 +128,9 @@ def _union_member(annotation: Any, part: str | int) -> Any:
 def _tags(table: Any) -> list[str]:
     """The ``kind`` of a table, if it has one."""
     kind = table.model_fields.get("kind") if _is_table(table) else None
-    is_named = kind is not None and get_origin(kind.annotation) is Literal
-    return [str(get_args(kind.annotation)[0])] if is_named else []
+    if kind is None or get_origin(kind.annotation) is not Literal:
+        return []
+    return [str(get_args(kind.annotation)[0])]
 
 
 def _inside(annotation: Any, part: str | int) -> Any:

@@ -296,6 +296,7 @@ BAD_FILES = {
     "h.geojson": ('{"type": "GeometryCollection", "geometries": [3]}', "'h.geojson': geometry 1 has no \"type\""),
     "i.geojson": ('{"type": "FeatureCollection", "features": 3}', "'i.geojson': the file has features that are no array"),
     "j.geojson": ("[" * 100_000, "'j.geojson': the file cannot be read"),
+    "k.geojson": ('{"type":"Feature","geometry":' * 5000 + "3" + "}" * 5000, "'k.geojson': the file cannot be read"),
     "c.csv": ("grain,x,y\n", "'c.csv' has no rows below its header"),
     "a.csv": ("grain,x,y\n1,0,0\n1,4,4\n1,4,0\n1,0,4\n", "'a.csv': grain 1: the side from"),
     "b.csv": ("grain,x\n1,0\n", "'b.csv' has no column y", "grain,x,y"),
