@@ -41,6 +41,7 @@ def read_wkt(text: str) -> Columns:
 
 def read_geojson(text: str) -> Columns:
     """Columns of a geometry, feature or collection of them in GeoJSON; raises as `_columns`."""
+    library("shapely")  # what it is for is told before what is wrong
     try:
         parts = [(where, json.dumps(one)) for where, one in _parts(json.loads(text), "")]
     except Refused:
