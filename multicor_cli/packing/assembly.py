@@ -24,7 +24,13 @@ from multicor_cli.packing.materials import (
     sizes_problems,
     touching_pairs,
 )
-from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem, wrap
+from multicor_cli.packing.overlap import (
+    Groups,
+    behind_problem,
+    overlap_problems,
+    solid_problem,
+    wrap,
+)
 from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused
@@ -338,19 +344,22 @@ def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: Buil
     names, here = model.walls.names, np.arange(model.grain_count)[state.here]
     if not here.size:
         return
+    groups = Groups(scenario.particles, model.grains.group)
     meeting = [here[_meets(model, w, here)] for w in range(model.wall_count)]
     within = (
-        solid_problem(state.position, meeting[w], room, names[w], w)
+        solid_problem(state.position, meeting[w], room, names[w], w, groups)
         for w, room in enumerate(walls.rooms)
     )
     problems = [problem for problem in within if problem is not None]
     told = {problem.where for problem in problems}
     cell = state.wall_position[0] if model.is_cell else None
-    cut = overlap_problems(state.position, model, walls.obstacles(), here, cell)
+    cut = overlap_problems(state.position, model, walls.obstacles(), here, groups, cell)
     problems += [problem for problem in cut if problem.where not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
-            found = behind_problem(state.position, meeting[w], front, names[w], w, model.period)
+            found = behind_problem(
+                state.position, meeting[w], front, names[w], w, model.period, groups
+            )
             problems += [found] if found else []
     if problems:
         raise scenario.refuse(*problems)

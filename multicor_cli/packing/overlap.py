@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +22,62 @@ from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import Room, ShapeKind
 from multicor_cli.packing.initial_grains import NAMED
 from multicor_cli.packing.walls import Front, Obstacles
+from multicor_cli.scenario.particles import FilePacking, OutlinesPacking, ParticleGroup
 from multicor_cli.scenario.problems import Refused
+from multicor_cli.scenario.shapes import FileShape
+
+# ---- How messages tell of grains: by what the packing of their group is made of
+
+_APART = {
+    "file": "move them apart in their file",
+    "outlines": "move them apart in the file of their outlines",
+    **dict.fromkeys(("run", "start"), "take another frame of the run that they are from"),
+}
+_AWAY = {
+    "file": "move the grains by shift in their packing",
+    "outlines": "move the grains by shift, or draw them smaller by scale, in their packing",
+    **dict.fromkeys(("run", "start"), "take another frame of the run that the grains are from"),
+}
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The groups of a scenario, and the number of that of each grain, ascending."""
+
+    tables: Sequence[ParticleGroup]
+    of_grain: Ints
+
+    def name(self, grain: int) -> tuple[str, str]:
+        """Number of a grain, in the file that places it if there is one, and of what it is."""
+        k = self.of_grain[grain]
+        table, number = self.tables[k], int(grain - np.searchsorted(self.of_grain, k))
+        of = f" of '{table.name}'"
+        if isinstance(table.packing, OutlinesPacking) and isinstance(table.shape, FileShape):
+            return f"{list(dict.fromkeys(table.shape.grain))[number]:g}", of
+        return (str(number + 1), of) if isinstance(table.packing, FilePacking) else (str(grain), "")
+
+    def pair(self, one: int, other: int) -> str:
+        """Names of two grains."""
+        (first, of), (second, and_of) = self.name(one), self.name(other)
+        return f"grains {first}{of if of != and_of else ''} and {second}{and_of}"
+
+    def apart(self, one: int, other: int) -> str:
+        """What parts two grains, as their later group is told."""
+        k = max(self.of_grain[one], self.of_grain[other])
+        if self.of_grain[one] != self.of_grain[other] and self._kind(k) in ("file", "outlines"):
+            return "move the group by shift in its packing"
+        default = "move them apart: a larger spacing or region, or fewer grains"
+        return _APART.get(self._kind(k), default)
+
+    def away(self, grain: int) -> str:
+        """What takes a grain away from a wall."""
+        default = "give the grains a region that keeps clear of it"
+        return _AWAY.get(self._kind(self.of_grain[grain]), default)
+
+    def _kind(self, k: int) -> str:
+        packing = self.tables[k].packing
+        return "" if packing is None else packing.kind
+
 
 # ---- Pairs that are close at the start, of grains and obstacles: the engine's neighbor list
 
@@ -125,6 +182,7 @@ def overlap_problems(
     model: Model,
     shapes: Obstacles,
     here: NDArray[np.int64],
+    groups: Groups,
     cell: Floats | None = None,
 ) -> list[Refused]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
@@ -160,10 +218,10 @@ def overlap_problems(
         a, b = kept[i[among]], kept[j[among]]
         smaller = np.minimum(radius[a], radius[b])
         amounts = _amounts(overlap[among], smaller)
-        items = [f"grains {p} and {q} by {by}" for p, q, by in zip(a, b, amounts, strict=False)]
+        items = [f"{groups.pair(*pair)} by {by}" for *pair, by in zip(a, b, amounts, strict=False)]
         what = "pairs" if kept.size == here.size else "pairs at least"
         text = f"grains overlap at the start: {_listing(items, a.size, what)}"
-        remedy = "move them apart: a larger spacing or region, or fewer grains"
+        remedy = groups.apart(a[0], b[0])
         key = ("particles", int(max(group[a[0]], group[b[0]])))
         problems.append(Refused(key, text, remedy))
     grain, shape, overlap = kept[i[~among]], j[~among] - kept.size, overlap[~among]
@@ -174,10 +232,11 @@ def overlap_problems(
         _, first = np.unique(grain[mine], return_index=True)
         mine = mine[np.sort(first)]
         amounts = _amounts(overlap[mine], radius[grain[mine]])
-        items = [f"grain {g} by {by}" for g, by in zip(grain[mine], amounts, strict=False)]
+        cuts = zip(grain[mine], amounts, strict=False)
+        items = [f"grain {''.join(groups.name(g))} by {by}" for g, by in cuts]
         cut = _listing(items, mine.size, "grains")
         text = f"the wall '{model.walls.names[w]}' cuts grains at the start: {cut}"
-        remedy = "move the wall, or give the grains a region that keeps clear of it"
+        remedy = f"move the wall, or {groups.away(grain[mine[0]])}"
         problems.append(Refused(("walls", int(w)), text, remedy))
     return problems
 
@@ -229,8 +288,9 @@ def _gap_to_line(scene: Scene, pieces: Pieces, i: int, shape: int) -> float:
 
 
 def behind_problem(
-    position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float
-) -> Refused | None:
+    position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float,
+    groups: Groups,
+) -> Refused | None:  # fmt: skip
     """The problem of grains behind a row of glued grains, where no flow is; None without any."""
     offset = position[here, :2] - front.start
     if period > 0.0 and math.isfinite(front.depth):
@@ -247,22 +307,25 @@ def behind_problem(
     if not found.size:
         return None
     found = found[np.lexsort((found, across[found]))]
-    items = [f"grain {here[g]} by {-across[g]:.3g} m" for g in found[:NAMED]]
+    items = [f"grain {''.join(groups.name(here[g]))} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: "
-    remedy = "choose the other side, or keep the grains' region clear of the wall"
+    remedy = f"choose the other side of the wall, or {groups.away(here[found[0]])}"
     return Refused(("walls", w), text + _listing(items, found.size, "grains"), remedy)
 
 
 def solid_problem(
-    position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int
+    position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int, groups: Groups
 ) -> Refused | None:
     """The problem of grains with centers in solid matter, off its outline too; None without any."""
     found = here[room.clearance(position[here, :2]) < 0.0] if not room.is_open else here[:0]
     if not found.size:
         return None
-    items = [f"grain {g} at ({position[g, X]:g}, {position[g, Y]:g}) m" for g in found[:NAMED]]
+    items = [
+        f"grain {''.join(groups.name(g))} at ({position[g, X]:g}, {position[g, Y]:g}) m"
+        for g in found[:NAMED]
+    ]
     text = f"grains lie in the solid matter of the wall '{name}': "
-    remedy = "move the wall, or give the grains a packing or a region that keeps clear of it"
+    remedy = f"move the wall, or {groups.away(found[0])}"
     return Refused(("walls", w), text + _listing(items, found.size, "grains"), remedy)
 
 

@@ -354,7 +354,7 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
         "version": f"multicor {made['multicor_version']}" if "multicor_version" in made else "–",
         "command": made.get("command", "–"),
         "processor": made.get("cpu") or "–",
-        "threads": made.get("threads") or "–",
+        "threads allowed": made.get("threads") or "–",
         "state digest": info["state_digest"] or "–",
     }
     return [ReportRow(name, str(value)) for name, value in rows.items() if value != "–"]

@@ -36,7 +36,7 @@ from multicor_cli.running.plan import RunPlan, begin_stage
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import apply_overrides
-from multicor_cli.scenario.problems import Refused, ScenarioError
+from multicor_cli.scenario.problems import Refused, ScenarioError, format_key, show
 from multicor_cli.scenario.scenario import Scenario, parse_scenario
 from multicor_cli.store import (
     DirectoryRefused,
@@ -263,12 +263,12 @@ class Session:
             starts = [first] if state.stage == 0 else stage_starts(self.path, state, plan, first)
             writer = directory.writer(model)
             engine = make_engine(scenario, model, state, self.threads)
-            counts = {
-                "grain": model.grain_count,
-                "cell" if model.is_cell else "wall": model.wall_count,
-                "thread": engine.threads,
-            }
-            self.observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))
+            what = "cell" if model.is_cell else "wall"
+            parts = [count_noun(model.grain_count, "grain"), count_noun(model.wall_count, what)]
+            parts.append(count_noun(engine.threads, "thread"))
+            if engine.threads < self.threads:
+                parts[-1] += f" of the {self.threads} allowed"
+            self.observer.message(", ".join(parts))
             if self._compiles:
                 self.observer.message(
                     "compiling the kernels; this happens once and takes about half a minute"
@@ -392,16 +392,29 @@ def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin 
         raise scenario.refuse(Refused(("start", "run"), what, remedy))
 
 
+_FEW_CHANGES = 3
+"""So many are told one by one, with their values; more of them together."""
+
+
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
     """Refuse another scenario than the run began with; keys that came later have their defaults."""
     remedy = (
         "undo the change to continue the run, choose another directory with -o, or start anew "
         "with --overwrite"
     )
+    found = find_differences(before, scenario.resolved_toml())
+    if len(found) > _FEW_CHANGES:
+        name = tomllib.loads(before)["scenario"]["name"]
+        keys = ", ".join(format_key(each.path) for each in found[:_FEW_CHANGES])
+        what = (
+            f"{path} holds the run {show(name)} of another scenario: {len(found)} keys differ, as "
+            f"{keys}"
+        )
+        raise scenario.refuse(Refused((), what, remedy))
     began = f"when the run in {path} began"
     changed = [
         Refused(each.path, f"was {each.before} {began}, is {each.after} now", remedy)
-        for each in find_differences(before, scenario.resolved_toml())
+        for each in found
     ]
     if changed:
         raise scenario.refuse(*changed)

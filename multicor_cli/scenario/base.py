@@ -239,7 +239,7 @@ class Column(NamedTuple):
 
 
 ColumnReader = Callable[[str], list[list[float]]]
-"""What reads the columns from a text; raises `ValueError` if it is none that it knows."""
+"""What reads the columns from a text; raises `Refused`, without a key, if it cannot."""
 
 
 def columns_of_file(
@@ -281,8 +281,8 @@ def _read_other(path: Path, name: str, reader: ColumnReader) -> list[list[float]
         text = file.read()
     try:
         return reader(text)
-    except ValueError as error:
-        raise _refused(f"'{name}': {error}", "correct it") from None
+    except Refused as fault:
+        raise _refused(f"'{name}': {fault.what}", fault.remedy) from None
 
 
 def _read_columns(path: Path, name: str, columns: list[Column]) -> list[list[float]]:
@@ -319,6 +319,8 @@ def _read_columns(path: Path, name: str, columns: list[Column]) -> list[list[flo
                 raise _refused(what, "correct it")
             numbers.append(factor * float(text))
         values.append(numbers)
+    if not rows[1:]:
+        raise _refused(f"'{name}' has no rows below its header", remedy)
     return values
 
 

@@ -4,9 +4,10 @@ their corners; convex pieces.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from itertools import chain, groupby, pairwise
+from itertools import chain, groupby, pairwise, starmap
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -34,12 +35,52 @@ Columns = list[list[float]]
 
 def read_wkt(text: str) -> Columns:
     """Columns of a text of geometries in WKT, each on a line or several; raises as `_columns`."""
-    return _columns(_from("from_wkt", one, f"line {line}") for line, one in _geometries(text))
+    lines = ((f"line {number}", one) for number, one in _geometries(text))
+    return _columns((where, _from("from_wkt", one, where)) for where, one in lines)
 
 
 def read_geojson(text: str) -> Columns:
     """Columns of a geometry, feature or collection of them in GeoJSON; raises as `_columns`."""
-    return _columns([_from("from_geojson", text, "the file")])
+    library("shapely")  # what it is for is told before what is wrong
+    try:
+        parts = [(where, json.dumps(one)) for where, one in _parts(json.loads(text), "")]
+    except Refused:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise Refused((), f"the file cannot be read: {error}", "correct it") from None
+    return _columns((where, _from("from_geojson", one, where)) for where, one in parts)
+
+
+_COLLECTIONS = {
+    "FeatureCollection": ("features", "feature"),
+    "GeometryCollection": ("geometries", "geometry"),
+}
+"""Types of GeoJSON that hold others: under which key, and what one of them is called."""
+
+
+def _parts(value: Any, where: str) -> Iterator[tuple[str, Any]]:
+    """The geometries in a value of GeoJSON, and where they are in the file; empty: all of it.
+
+    Raises:
+        Refused: A part lacks what its type must have (RFC 7946).
+    """
+    here, kind = where or "the file", value.get("type") if isinstance(value, dict) else None
+    if not isinstance(kind, str):
+        remedy = 'write { "type": "Polygon", "coordinates": ... }, or a Feature with it'
+        raise Refused((), f'{here} has no "type" of GeoJSON', remedy)
+    key, name = _COLLECTIONS.get(kind, ("geometry" if kind == "Feature" else "coordinates", ""))
+    if value.get(key) is None:
+        remedy = f"give the {key} of a polygon" + (f", or remove {where}" if where else "")
+        raise Refused((), f"{here} has no {key}", remedy)
+    if name and not isinstance(value[key], list):
+        raise Refused((), f"{here} has {key} that are no array", "put them between [ and ]")
+    if name:
+        for number, each in enumerate(value[key], 1):
+            yield from _parts(each, f"{where}, {name} {number}" if where else f"{name} {number}")
+    elif kind == "Feature":
+        yield from _parts(value[key], where)
+    else:
+        yield where, value
 
 
 def _geometries(text: str) -> Iterator[tuple[int, str]]:
@@ -63,42 +104,48 @@ def _from(function: str, text: str, where: str) -> Any:
     try:
         return getattr(shapely, function)(text)
     except shapely.errors.ShapelyError as error:
-        message = f"{where} cannot be read: {str(error).strip()[:200]}"
-        raise ValueError(message) from None
+        why = str(error).strip().removeprefix("ParseException: ")[:200]
+        if "json.exception" in why:  # of the parser within shapely
+            why = "its coordinates are no arrays of finite numbers"
+        message = f"{where or 'the file'} cannot be read: {why}"
+        raise Refused((), message, "correct it") from None
 
 
-def _polygons(geometry: Any) -> Iterator[Any]:
+def _polygons(where: str, geometry: Any) -> Iterator[Any]:
     if hasattr(geometry, "geoms"):
-        yield from chain.from_iterable(map(_polygons, geometry.geoms))
+        for part in geometry.geoms:
+            yield from _polygons(where, part)
     elif geometry.geom_type == "Polygon" and not geometry.is_empty:
         yield geometry
     else:
-        what = "an empty polygon" if geometry.is_empty else f"a {geometry.geom_type}"
-        message = f"{what} is no outline of a grain: keep polygons alone"
-        raise ValueError(message)
+        kind = geometry.geom_type
+        what = f"{where}: " if where else ""
+        what += f"an empty {kind}" if geometry.is_empty else f"a {kind}"
+        raise Refused((), f"{what} is no outline of a grain", "keep polygons alone")
 
 
-def _columns(geometries: Iterable[Any]) -> Columns:
+def _columns(geometries: Iterable[tuple[str, Any]]) -> Columns:
     """The corners of all polygons among geometries; what is above the plane is left out.
+
+    Each geometry comes with where it is in the file.
 
     Raises:
         MissingLibrary: If shapely is not installed.
-        ValueError: The text cannot be read, or holds something else than polygons.
+        Refused: The text cannot be read, or holds something else than polygons.
     """
     columns: Columns = [[], [], [], []]
     low, high = COORDINATE_BOUNDS
-    for number, polygon in enumerate(chain.from_iterable(map(_polygons, geometries)), 1):
+    for number, polygon in enumerate(chain.from_iterable(starmap(_polygons, geometries)), 1):
         for ring, line in enumerate((polygon.exterior, *polygon.interiors)):
             corners = np.asarray(line.coords, float)[:, :2]
             if not ((corners >= low) & (corners <= high)).all():
-                message = f"grain {number} has a coordinate that is not from {low:g} to {high:g}"
-                raise ValueError(message)
+                what = f"grain {number} has a coordinate that is not from {low:g} to {high:g}"
+                raise Refused((), what, "correct it")
             rows = ([float(number)] * len(corners), [float(ring)] * len(corners), *corners.T)
             for column, row in zip(columns, rows, strict=True):
                 column.extend(np.asarray(row).tolist())
     if not columns[0]:
-        message = "there is no polygon in it"
-        raise ValueError(message)
+        raise Refused((), "there is no polygon in it", "draw one for each grain")
     return columns
 
 
@@ -118,12 +165,12 @@ def drawn(rings: tuple[tuple[tuple[float, float], ...], ...]) -> Drawn:
     found: list[Floats] = []
     for k, ring in enumerate(rings):
         what, points = f"hole {k}: " if k else "", without_idle(np.array(ring))
-        fault = "less than three corners are left without those on straight sides"
-        if len(points) > 2:
-            fault = (fault_of_polygon(points) or (0, ""))[1]
-        if fault:
+        if len(points) < 3:
+            what += "less than three corners are left without those on straight sides"
+            raise Refused((), what, "give a third corner, which is not on a line with the others")
+        if (fault := fault_of_polygon(points)) is not None:
             remedy = "draw the outline once around, as with shapely.make_valid"
-            raise Refused((), f"{what}{fault}", remedy)
+            raise Refused((), f"{what}{fault[1]}", remedy)
         is_left = Polygon(points).signed_size > 0.0
         found.append(points if is_left == (k == 0) else points[::-1].copy())
     corners = sum(map(len, found))

@@ -61,7 +61,7 @@ def convex(points: Floats) -> Floats:
     k = int(np.argmin(turn))
     if turn[k] < -STRAIGHT:
         what = f"the outline is not convex at {points[k].tolist()}"
-        remedy = 'use kind = "clump" with convex pieces that overlap or touch, or kind = "file"'
+        remedy = 'use kind = "clump" with convex pieces, or kind = "file"'
         raise Refused((k,), what, remedy)
     kept = points[turn > STRAIGHT]
     if len(kept) < 3:

@@ -22,16 +22,25 @@ from multicor_cli.text import count_noun
 
 @dataclass(frozen=True)
 class Location:
-    """A place: path, the models' text on the last known key (or none), and model of its table."""
+    """A place: path, the models' text on the last known key (or none), and model of its table;
+    the tables of other kinds that might stand there.
+    """
 
     path: KeyPath
     description: str
     table: type[BaseModel]
+    others: tuple[type[BaseModel], ...] = ()
 
     @property
     def known_keys(self) -> list[str]:
         """Keys that the innermost table knows."""
         return [field.alias or name for name, field in self.table.model_fields.items()]
+
+    @property
+    def kinds_with_key(self) -> list[str]:
+        """Other kinds of the table that know the last key."""
+        key = str(self.path[-1])
+        return [_tags(other)[0] for other in self.others if find_field(other, key)]
 
     @property
     def expected(self) -> str:
@@ -43,11 +52,14 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
     """Follow a validation error through the models; tags of unions, no keys, are left out."""
     path: list[str | int] = []
     description, table = "", model
+    others: tuple[type[BaseModel], ...] = ()
     annotation: Any = model
     for part in location:
         annotation = _strip(annotation)
         member = _union_member(annotation, part)
         if member is not None:
+            tables = map(_strip, _members(annotation))
+            others = tuple(each for each in tables if _is_table(each) and _tags(each))
             annotation = member
             continue
         if part == "[key]":
@@ -58,7 +70,7 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
             field = find_field(table, str(part))
             description = (field.description or "") if field else description
         annotation = _inside(annotation, part)
-    return Location(tuple(path), description, table)
+    return Location(tuple(path), description, table, others if table in others else ())
 
 
 def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
@@ -108,13 +120,17 @@ def _union_member(annotation: Any, part: str | int) -> Any:
     """The member of a union that ``part`` is the tag of, or the kind."""
     for member in _members(annotation):
         tags = [data.tag for data in get_args(member)[1:] if isinstance(data, Tag)]
-        table = _strip(member)
-        kind = table.model_fields.get("kind") if _is_table(table) else None
-        if kind is not None and get_origin(kind.annotation) is Literal:
-            tags.append(str(get_args(kind.annotation)[0]))
-        if part in tags:
+        if part in tags + _tags(_strip(member)):
             return member
     return None
+
+
+def _tags(table: Any) -> list[str]:
+    """The ``kind`` of a table, if it has one."""
+    kind = table.model_fields.get("kind") if _is_table(table) else None
+    if kind is None or get_origin(kind.annotation) is not Literal:
+        return []
+    return [str(get_args(kind.annotation)[0])]
 
 
 def _inside(annotation: Any, part: str | int) -> Any:
@@ -243,6 +259,8 @@ def _intended(place: Location) -> str | None:
     key, known = str(place.path[-1]), place.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
         return match[1]
+    if place.kinds_with_key:
+        return None
     return next(iter(_closest(key, known)), None)
 
 
@@ -284,6 +302,9 @@ def _unknown_key(place: Location, _error: ErrorDetails) -> Refused:
     if (match := _UNIT_SUFFIX.fullmatch(str(place.path[-1]))) and match[1] in known:
         what = "unknown key: keys carry no unit, all numbers are in SI units"
         return Refused(place.path, what, f"did you mean '{match[1]}'?")
+    if kinds := place.kinds_with_key:
+        what = f'unknown key of kind = "{_tags(place.table)[0]}"'
+        return Refused(place.path, what, f"remove it: it belongs to {name_list(kinds)}")
     remedy = did_you_mean(str(place.path[-1]), known) or f"known here: {name_list(known)}"
     return Refused(place.path, "unknown key", remedy)
 

@@ -28,7 +28,7 @@ def collect_provenance(
     Args:
         command: Command line.
         seed: Seed of the random numbers, drawn or given.
-        threads: Number of threads of the solver.
+        threads: Number of threads that the solver may use; with few grains it uses one.
         threading_layer: Numba's threading layer.
 
     Returns:

@@ -171,6 +171,22 @@ def test_keys_without_influence_may_change_and_others_are_named(typed, finished)
     assert read_info(finished)["status"] == "finished"
 
 
+def test_another_scenario_than_that_of_the_run_is_told_once(typed, finished):
+    changes = "contacts.0.friction=0.5 solver.dt=1e-4 scenario.seed=9 scenario.name=other"
+    done = typed(f"run SMALL -o RUN --set {' --set '.join(changes.split())}", 3)
+    assert 'holds the run "small" of another scenario: 4 keys differ, as scenario.name, ' in (
+        done.stderr
+    )
+    assert done.stderr.count("--overwrite") == 1
+    assert read_info(finished)["status"] == "finished"
+
+
+def test_threads_are_told_as_used_and_as_allowed(typed, tmp_path):
+    assert "1 thread of the 2 allowed\n" in typed("run SMALL -o other --threads 2").stderr
+    assert read_info(tmp_path / "other")["provenance"]["threads"] == 2
+    assert "1 thread\n" in typed("run SMALL -o single --threads 1").stderr
+
+
 def test_a_finished_run_names_the_next_two_commands(typed):
     done = typed("run SMALL -o RUN")
     said = done.stderr[done.stderr.index("next:  ") + 7 :].splitlines()

@@ -31,6 +31,39 @@ def test_an_ordinary_scenario_is_ok(tmp_path):
     assert worst_verdict(checked(tmp_path, SMALL, ("dt = 2e-4", "")).values()) is OK
 
 
+def clump(*pieces):
+    """Grains that are a clump of these pieces."""
+    pieces = ", ".join(f"{{ {piece} }}" for piece in pieces)
+    return 'shape = "disc"', f'shape = {{ kind = "clump", pieces = [{pieces}] }}'
+
+
+def disc(x, radius=1.0):
+    """A piece."""
+    return f"center = [{x}, 0.0], radius = {radius}"
+
+
+BAR = "vertices = [[0.0, 0.0], [4.0, 0.0]], radius = 0.1"
+SQUARE = "vertices = [[5.0, -1.0], [7.0, -1.0], [7.0, 1.0], [5.0, 1.0]]"
+
+
+@pytest.mark.parametrize(("name", "value", "verdict", "pieces"), [
+    ("gaps in clumps", 2 / 6, WARNING, [disc(0), disc(4)]),  # from 1 to 3 of -1 to 5
+    ("gaps in clumps", 0.0, OK, [disc(0), disc(4), BAR]),
+    ("gaps in clumps", 0.0, OK, [disc(0), disc(2)]),
+    ("gaps in clumps", 0.9 / 8, WARNING, [BAR, disc(0), SQUARE]),  # from 4.1 to 5 of -1 to 7
+    ("gaps in clumps", 0.0, OK, [disc(0), disc(0)]),
+    ("gaps in clumps", (2**0.5 - 1) / 3, WARNING, ["vertices = [[1, 1], [2, 1], [2, 2], [1, 2]]", disc(0)]),
+    ("pieces twice in clumps", 2.0, WARNING, [SQUARE, disc(5), disc(5), "vertices = [[7, -1], [7, 1], [5, 1], [5, -1]]"]),
+    ("pieces twice in clumps", 0.0, OK, [disc(0), disc(0, 1.1)]),
+    ("smallest piece of clumps", 1e-9, WARNING, [disc(0), disc(1, 1e-9)]),
+    ("smallest piece of clumps", 0.2, OK, [disc(0.25, 0.25), disc(1), disc(1.5)]),
+])  # fmt: skip
+def test_pieces_of_clumps_make_one_grain(name, value, verdict, pieces, tmp_path):
+    check = checked(tmp_path, SMALL, clump(*pieces))[name]
+    assert check.value == pytest.approx(value, rel=1e-9, abs=1e-15)
+    assert check.verdict is verdict
+
+
 GHOST = ('side = "right" }', 'side = "right" }\nmass = 1e-18')
 HEAVY = ('side = "right" }', 'side = "right" }\nmass = 1.0\ngravity = true')
 UNDAMPED = ("force = -0.1, damping = 0.1 } }\n", "force = -0.1 } }\n")

@@ -226,9 +226,10 @@ def test_grains_from_a_file_in_solid_matter_are_refused(geometry, tmp_path):
     grains = 'particles.0={name="grains",material="glass",shape="disc",thickness=2e-3,packing={kind="file",path="grains.csv"}}'
     (problem,) = problems(grains, extra=wall("body", geometry), path=tmp_path / "test.toml")
     assert problem.key == "walls.0"
-    named = "in the solid matter of the wall 'body': grain 0 at (0.03, 0.03) m, grain 2 at"
+    named = "in the solid matter of the wall 'body': grain 1 of 'grains' at (0.03, 0.03) m, grain 3 of 'grains' at"
     assert named in problem.message
-    assert "grain 1" not in problem.message
+    assert problem.remedy == "move the wall, or move the grains by shift in their packing"
+    assert "grain 2" not in problem.message
 
 
 @pytest.mark.parametrize("packing", PACKINGS)

@@ -155,7 +155,7 @@ def test_overlap_across_the_period(tmp_path):
     _, state = built(packing, **given)
     assert state.position[0, 0] == pytest.approx(-0.03, rel=3e-16, abs=0.0)
     (problem,) = problems(packing, PERIODIC, **given)
-    assert "grains 1 and 2 by 0.0013 m" in problem.message
+    assert "grains 2 and 3 of 'grains' by 0.0013 m" in problem.message
     (tmp_path / "g.csv").write_text(rows)
     assert built(packing, PERIODIC, **given)[1].position[0, 0] == pytest.approx(0.03)
 

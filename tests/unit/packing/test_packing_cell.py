@@ -1,5 +1,7 @@
 """Packings in a cell: periodic in both directions, without walls; and what becomes of velocities."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from cut_runs import CELL
@@ -11,7 +13,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.model.cell import mean_flow, real_velocity
 from multicor_cli.packing import build, place
 from multicor_cli.packing.other_run import read_source
-from multicor_cli.packing.overlap import overlap_problems
+from multicor_cli.packing.overlap import Groups, overlap_problems
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
@@ -105,7 +107,7 @@ def test_grains_of_a_file_are_brought_into_the_cell():
     [[0.01, 0.0005, 1e-3], [0.0105, 0.0238, 1e-3]], [[0.0001, 0.02395, 1e-3], [0.0299, 0.0, 1e-3]],
 ])  # fmt: skip
 def test_overlaps_across_the_height_are_refused(rows):
-    with pytest.raises(ScenarioError, match=r"grains [01] and [01] by"):
+    with pytest.raises(ScenarioError, match=r"grains [12] and [12] of 'grains' by"):
         built(grains=[*rows, [0.02, 0.012, 1e-3]])
 
 
@@ -259,7 +261,9 @@ def test_overlaps_in_a_tilted_cell_are_found(sheared):
     position[highest, :2] = (position[lowest, 0] + tilt) % width, height - 1e-4
     here = np.arange(len(position))
     cell = state.wall_position[0]
-    assert overlap_problems(state.position, source.model, Obstacles.none(), here, cell) == []
-    (problem,) = overlap_problems(position, source.model, Obstacles.none(), here, cell)
+    groups = Groups([SimpleNamespace(packing=None, name="g")], source.model.grains.group)
+    rest = (source.model, Obstacles.none(), here, groups, cell)
+    assert overlap_problems(state.position, *rest) == []
+    (problem,) = overlap_problems(position, *rest)
     assert f"{lowest}" in problem.what
     assert f"{highest}" in problem.what

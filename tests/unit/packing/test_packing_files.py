@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -11,7 +12,7 @@ from store_support import make_model, run_whole
 
 from multicor_cli.packing import file
 from multicor_cli.packing.file import read_frame, read_grains
-from multicor_cli.packing.overlap import CROWD, overlap_problems, thin_crowds
+from multicor_cli.packing.overlap import CROWD, Groups, overlap_problems, thin_crowds
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Refused
 
@@ -194,7 +195,8 @@ def test_coincident_grains_are_refused_in_bounded_memory():
     center, radius = np.full((count, 2), 0.01), np.full(count, 1e-4)
     assert thin_crowds(center, radius).size == CROWD
     model = scene_parts.make_model(radius)
-    problems = overlap_problems(center, model, Obstacles.none(), np.arange(count))
+    groups = Groups([SimpleNamespace(packing=None, name="g")], model.grains.group)
+    problems = overlap_problems(center, model, Obstacles.none(), np.arange(count), groups)
     assert "pairs at least" in str(problems[0])
     scattered = np.random.default_rng(1).uniform(0.0, 1.0, (count, 2))
     assert thin_crowds(scattered, np.full(count, 1e-3)).size == count

@@ -498,17 +498,37 @@ def test_outlines_that_overlap_are_refused(tmp_path):
     side = math.sqrt(2) * 1e-3
     pair = [(0.01, 0.01, 1e-3, 0.0), (0.01 + 0.99 * side, 0.01, 1e-3, 0.0)]
     text = refused(SQUARE, **rows(tmp_path, *pair))
-    assert "grains 0 and 1 by 1.41e-05 m (1.41 % of the smaller radius)" in text
+    assert "grains 1 and 2 of 'grains' by 1.41e-05 m (1.41 % of the smaller radius)" in text
+    assert "move them apart in their file" in text
     text = refused(
         SQUARE,
         walls={"floor": plane(0.01)},
         **rows(tmp_path, (0.01, 0.01 + 0.49 * side, 1e-3, 0.0)),
     )
-    assert "the wall 'floor' cuts grains at the start: grain 0 by 1.41e-05 m" in text
+    assert "the wall 'floor' cuts grains at the start: grain 1 of 'grains' by 1.41e-05 m" in text
     line = {"kind": "polyline", "points": [[0.01, 0.005], [0.01, 0.0098]]}
     text = refused(SQUARE, walls={"line": line}, **rows(tmp_path, (0.01, 0.01, 1e-3, 0.0)))
     assert "'line' cuts grains" in text
     made(SQUARE, walls={"line": line}, **rows(tmp_path, (0.01, 0.0098 + 0.5 * side, 1e-3, 0.0)))
+
+
+def test_outlines_of_a_file_are_told_by_its_numbers_and_keys():
+    """They can be moved in the file, by shift and by scale alone."""
+    drawn = {
+        "kind": "file",
+        "grain": [3] * 4 + [7] * 4,
+        "x": [0, 4, 4, 0, 3, 7, 7, 3],
+        "y": [0, 0, 4, 4] * 2,
+    }
+    given = {"shape": drawn, "sizes": None}
+    text = refused(**given, packing={"kind": "outlines", "scale": 1e-3, "shift": [0.01, 0.01]})
+    assert "grains 3 and 7 of 'grains' by 0.001 m" in text
+    assert text.endswith("move them apart in the file of their outlines")
+    drawn["x"] = [0, 4, 4, 0, 5, 9, 9, 5]
+    packing = {"kind": "outlines", "scale": 1e-3, "shift": [0.01, -0.001]}
+    text = refused(**given, packing=packing, walls={"floor": plane()})
+    assert "grain 3 of 'grains' by 0.001 m" in text
+    assert "move the grains by shift, or draw them smaller by scale, in their packing" in text
 
 
 def test_long_thin_grains_side_by_side_are_no_crowd(tmp_path):
@@ -517,7 +537,7 @@ def test_long_thin_grains_side_by_side_are_no_crowd(tmp_path):
     model, _ = made(shape, **rows(tmp_path, *rods))
     assert model.grain_count == 60
     rods[40] = (0.01 + 1e-4 * 40.2, 0.01, 2e-3, math.pi / 2)
-    assert "grains 40 and 41" in refused(shape, **rows(tmp_path, *rods))
+    assert "grains 41 and 42" in refused(shape, **rows(tmp_path, *rods))
 
 
 WALLS = {

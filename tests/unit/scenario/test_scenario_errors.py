@@ -56,7 +56,7 @@ MISTAKES = {
     "pair given twice": (('["steel", "glass"]', '["*", "*"]'), "contacts.1.pair", 'pair = ["*", "*"]\nfriction = {', "twice", "remove"),
     "wrong kind": (('kind = "random"', 'kind = "rndom"'), "particles.0.packing.kind", 'kind = "rndom"', "'random'"),
     "no kind": (('kind = "random", ', ""), "particles.0.packing.kind", "packing", "missing"),
-    "key of another kind": (("separation = 0.1", "pressure = 1"), "particles.0.packing.pressure", "pressure", "unknown key", "'attempts'"),
+    "key of another kind": (("separation = 0.1", "pressure = 1"), "particles.0.packing.pressure", "pressure", 'unknown key of kind = "random"', "belongs to 'compacted'"),
     "wrong word": (('side = "left"', 'side = "up"'), "walls.0.geometry.side", 'side = "up"', "'left', 'right'"),
     "missing key": (('material = "glass"\nshape', "shape"), "particles.0.material", "[[particles]]", "missing", "[materials.NAME]"),
     "missing table": (("[output]\nframe_interval = 0.01\n", ""), "output", "[scenario]", "missing", "add [output]"),

@@ -32,7 +32,9 @@ BOX = [(1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (1.0, 2.0, 1.0), (1.0, 0.0, 1.0)]
 MISTAKES = {
     "unknown shape": ({"kind": "hexagon"}, {}, "shape.kind", "'polygon'"),
     "no word": ("disk", {}, "shape", "'disc', 'sphere'"),
-    "key of another shape": ({"kind": "rod", "aspect": 2.0, "sides": 3}, {}, "shape.sides", "unknown key", "'size'"),
+    "key of another shape": ({"kind": "rod", "aspect": 2.0, "sides": 3}, {}, "shape.sides", 'unknown key of kind = "rod"', "'polygon', 'ellipse'"),
+    "key of one other shape": ({"kind": "ellipse", "aspect": 2.0, "irregular": 0.1}, {}, "shape.irregular", "belongs to 'polygon'"),
+    "misspelled key": ({"kind": "polygon", "sides": 5, "iregular": 0.1}, {}, "shape.iregular", "'irregular'"),
     "no sides": ({"kind": "polygon"}, {}, "shape", "neither sides nor vertices", "give one"),
     "both": ({**FIVE, "vertices": [[0, 0], [1, 0], [0, 1]]}, {}, "shape", "both sides and vertices"),
     "few sides": ({"kind": "polygon", "sides": 2}, {}, "shape.sides", "at least 3"),
@@ -61,7 +63,7 @@ MISTAKES = {
     "crossed hole": (drawn(BOX, [(1.0, 0.1, 0.1), (1.0, 0.9, 0.9), (1.0, 0.9, 0.1), (1.0, 0.1, 0.9)]), {}, "shape.grain", "grain 1: hole 1: the side from"),
     "rings that descend": ({**drawn(BOX), "ring": [0, 1, 0, 1]}, {}, "shape.ring", "ring 0 follows 1"),
     "rings that lack": ({**drawn(BOX), "ring": [0, 1]}, {}, "shape", "4 corners with 2 rings"),
-    "outline with two corners": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0)]), {}, "shape.grain", "grain 2: less than three corners are left"),
+    "outline with two corners": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0)]), {}, "shape.grain", "grain 2: less than three corners are left", "a third corner"),
     "outline in two parts": (drawn([*BOX, (2.0, 0, 0), (1.0, 4, 0)]), {}, "shape.grain", "grain 1 follows 2"),
     "no outline": ({"kind": "file"}, {}, "shape", "0 corners", "or file"),
     "no mass": ({**FIVE, "solid": 0.0}, {}, "shape.solid", "greater than 0"),
@@ -268,14 +270,34 @@ def test_outlines_are_alike_in_all_kinds_of_files(name, tmp_path):
 
 
 CROSSED = "POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))"
+TRIANGLE = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [0, 4], [0, 0]]]}
+
+
+def collection(*geometries):
+    """A collection of features in GeoJSON."""
+    features = [{"type": "Feature", "properties": {}, "geometry": each} for each in geometries]
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
 BAD_FILES = {
     "a.wkt": (f"POLYGON ({ring(SQUARE)})\n\n{CROSSED}\n", "'a.wkt': grain 2: the side from", "make_valid"),
     "b.wkt": ("POLYGON ((0 0, 1 1\n", "'b.wkt': line 1 cannot be read"),
-    "c.wkt": ("LINESTRING (0 0, 1 1)", "'c.wkt': a LineString is no outline of a grain"),
-    "d.wkt": ("POLYGON EMPTY", "'d.wkt': an empty polygon"),
+    "c.wkt": ("LINESTRING (0 0, 1 1)", "'c.wkt': line 1: a LineString is no outline of a grain"),
+    "d.wkt": ("\nPOLYGON EMPTY", "'d.wkt': line 2: an empty Polygon"),
     "e.wkt": (f"POLYGON ({ring(['0 0', '1 0', '1e9 1'])})", "'e.wkt': grain 1 has a coordinate", "1e+06"),
     "f.wkt": ("# nothing\n", "'f.wkt': there is no polygon in it"),
     "a.geojson": ('{"type": "Polygon"', "'a.geojson': the file cannot be read"),
+    "b.geojson": (collection(TRIANGLE, None), "'b.geojson': feature 2 has no geometry; give the geometry of a polygon, or remove feature 2"),
+    "c.geojson": ('{"a": 1}', "'c.geojson': the file has no \"type\" of GeoJSON"),
+    "d.geojson": (collection(TRIANGLE, {"type": "Polygon"}), "'d.geojson': feature 2 has no coordinates"),
+    "e.geojson": (collection(TRIANGLE, {"type": "Point", "coordinates": [1, 2]}), "'e.geojson': feature 2: a Point is no outline"),
+    "f.geojson": (collection({"type": "Polygon", "coordinates": []}), "'f.geojson': feature 1: an empty Polygon"),
+    "g.geojson": (collection({"type": "Polygon", "coordinates": [[["a", 0], [1, 1], [1, 2]]]}), "feature 1 cannot be read: its coordinates are no arrays"),
+    "h.geojson": ('{"type": "GeometryCollection", "geometries": [3]}', "'h.geojson': geometry 1 has no \"type\""),
+    "i.geojson": ('{"type": "FeatureCollection", "features": 3}', "'i.geojson': the file has features that are no array"),
+    "j.geojson": ("[" * 100_000, "'j.geojson': the file cannot be read"),
+    "k.geojson": ('{"type":"Feature","geometry":' * 5000 + "3" + "}" * 5000, "'k.geojson': the file cannot be read"),
+    "c.csv": ("grain,x,y\n", "'c.csv' has no rows below its header"),
     "a.csv": ("grain,x,y\n1,0,0\n1,4,4\n1,4,0\n1,0,4\n", "'a.csv': grain 1: the side from"),
     "b.csv": ("grain,x\n1,0\n", "'b.csv' has no column y", "grain,x,y"),
 }  # fmt: skip
