@@ -53,9 +53,10 @@ def diffusion(
     about = _span(table.frames.size, "frame", table.times)
     unit = table.shear_rate * table.diameter**2
     for axis, value, error in zip("xy", table.diffusion, table.diffusion_error, strict=True):
-        told, scaled = (f"{error:.2g}", f"{error / unit:.1g}") if error >= 0.0 else ("–", "–")
-        about += f"\nD_{axis} = {value:.4g} ± {told} m²/s"
-        about += f" = {value / unit:.3g} ± {scaled} γ̇d²" if unit > 0.0 else ""
+        for by, of in ((1.0, "m²/s"), (unit, "γ̇d²")):
+            told = f"{error / by:.2g}" if by > 0.0 and error >= 0.0 else "–"
+            start_of = f"\nD_{axis}" if of == "m²/s" else ""
+            about += f"{start_of} = {value / by:.4g} ± {told} {of}" if by > 0.0 else ""
     return Shown(table, about, directory, is_detailed=False)
 
 

@@ -167,7 +167,8 @@ def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[R
     forms = shape.forms(np.zeros((1, 0)))
     area, places = shape._of_area(forms).area, shape.measures(forms).center
     for k, form in enumerate(forms):
-        share = float(area[k]) / _reach(form, places[k]) ** 2
+        reach = _reach(form, places[k])
+        share = float(area[k]) / (reach * reach)
         if share < THINNEST:
             which = f"grain {k + 1} of the outlines" if len(forms) > 1 else "the outline"
             what = f"{which} has an area of {share:.1e} times the square of its reach"
@@ -177,10 +178,11 @@ def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[R
     if shape.gyration is None:  # mass is not as the area
         what = "with a center of mass by hand the moment of inertia is not that of the area"
         yield Refused(("center",), what, "give gyration too")
-    angle = np.linspace(0.0, 2.0 * math.pi, 721)
-    towards = np.stack([np.cos(angle), np.sin(angle)])
-    reach = np.max([(corners @ towards + r).max(axis=0) for corners, r in forms[0]], axis=0)
-    if (np.array(center) @ towards > reach).any():
+    around = Outlines.of(forms, _ONE, _ONE)
+    r = np.repeat(around.rounding, np.diff(around.start))
+    low, high = around.corner - r[:, np.newaxis], around.corner + r[:, np.newaxis]
+    at = np.array(center)
+    if (at < low.min(axis=0)).any() or (at > high.max(axis=0)).any():
         what = f"no mass within the outline has its center at {list(center)}"
         yield Refused(("center",), what, "give a point within it, in the unit of the corners")
 

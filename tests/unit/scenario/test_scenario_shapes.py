@@ -71,7 +71,7 @@ MISTAKES = {
     "inertia of a disc": ({"kind": "rod", "aspect": 1.0, "gyration": 0.9}, {}, "shape.gyration", "½ m r²"),
     "sliver": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1e-3]]}, {}, "shape", "the outline has an area of", "more width"),
     "drawn sliver": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0), (2.0, 4, 1e-3)]), {}, "shape", "grain 2 of the outlines has an area of"),
-    "center outside": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [0.4, 0.6], "gyration": 0.5}, {}, "shape.center", "within"),
+    "center outside": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [0.4, 1.6], "gyration": 0.5}, {}, "shape.center", "within"),
     "center of a regular polygon": ({**FIVE, "center": [0, 0], "gyration": 0.5}, {}, "shape.center", "give vertices"),
     "center without inertia": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [0, 1]], "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
     "center of a clump without inertia": ({**clump({"center": [0, 0], "radius": 1.0}, {"center": [1, 0], "radius": 1.0}), "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
