@@ -6,7 +6,7 @@ A piece is what lies within its rounding r of its core: a corner, two, or a conv
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -180,3 +180,20 @@ def are_convex(pieces: Pieces, i: int, j: int) -> bool:
         return False
     of_i, of_j = pieces.piece[i + 1] - pieces.piece[i], pieces.piece[j + 1] - pieces.piece[j]
     return bool(of_i == 1 and of_j == 1)
+
+
+@subroutine
+def thinnest(pieces: Pieces, k: int) -> float:
+    """Width of the thinnest piece of a grain [m]: between the two closest lines around it."""
+    width, corner = inf, pieces.corner
+    for p in range(pieces.piece[k], pieces.piece[k + 1]):
+        first, last = pieces.start[p], pieces.start[p + 1]
+        core = inf
+        for v in range(first, last):
+            nx, ny, deepest = corner[v, NORMAL_X], corner[v, NORMAL_Y], 0.0
+            for u in range(first, last):
+                dx, dy = corner[v, X] - corner[u, X], corner[v, Y] - corner[u, Y]
+                deepest = max(deepest, nx * dx + ny * dy)
+            core = min(core, deepest)
+        width = min(width, core + 2.0 * pieces.rounding[p])
+    return float(width)

@@ -146,7 +146,7 @@ class Predictor:
             return step
         layout.pairs.update(step.scene, step.cutoff)
         flying = None if step.flight is None else step.flight.flying
-        stopped = stop_unseen(state, model, motion, unseen, flying, layout.pairs, dt, layout.middle)
+        stopped = stop_unseen(layout, motion, unseen, flying, dt)
         if stopped is None:
             return step
         work = step.shift_work + total(model.grains.mass[:, np.newaxis] * step.gravity * stopped)

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.passing import fastest_points
+from multicor_cli.engine.geometry.pieces import Pieces, are_faces, thinnest
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import (
     Scene,
@@ -34,6 +35,7 @@ from multicor_cli.engine.geometry.scene import (
 )
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.motion.correction import ALLOWED
+from multicor_cli.engine.motion.layout import Layout
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import ANGLE, SPIN, X, Y
@@ -111,15 +113,15 @@ def _fastest(velocity: Floats) -> float:
 
 
 def stop_unseen(
-    state: State, model: Model, motion: WallMotion, unseen: Unseen,
-    flying: NDArray[np.bool_] | None, lists: NeighborList, dt: float, middle: Floats,
-) -> Floats | None:  # fmt: skip
+    layout: Layout, motion: WallMotion, unseen: Unseen, flying: NDArray[np.bool_] | None, dt: float
+) -> Floats | None:
     """Let ways that nobody has looked at end where they meet something, if any leads through it.
 
     Not those of grains that are ``flying``, whose impacts have been found (`contact.flight`).
-    **Modifies** ``middle``, q_m. Returns how far grains are from where they would be [m], shape
+    **Modifies** q_m of the layout. Returns how far grains are from where they would be [m], shape
     ``(n, 2)``; None if nothing is passed. Raises `PhysicsError` if two walls catch a grain.
     """
+    state, model, middle = layout.state, layout.model, layout.middle
     n = model.grain_count
     paths = Paths(
         scene_of(model, state.position, state.wall_position), model.shapes.geometry, motion.before,
@@ -129,16 +131,18 @@ def stop_unseen(
     )  # fmt: skip
     passing = np.zeros(n, np.bool_)
     flying = np.zeros(n, np.bool_) if flying is None else flying
+    row, partner = layout.pairs.row, layout.pairs.partner
+    if layout.pieces is not None:
+        row, partner = those_passable(paths, layout.pieces, layout.before, row, partner, 0.5 * dt)
     if not find_passing(
-        paths, lists.row, lists.partner, unseen.grains, unseen.walls, flying, 0.5 * dt, passing
+        paths, row, partner, unseen.grains, unseen.walls, flying, 0.5 * dt, passing
     ):
         return None
-    owner = np.repeat(np.arange(n, dtype=np.int32), np.diff(lists.row))
-    caught, time = meet(paths, owner, lists.partner, 0.5 * dt, passing)
+    owner = np.repeat(np.arange(n, dtype=np.int32), np.diff(row))
+    caught, time = meet(paths, owner, partner, 0.5 * dt, passing)
     if caught >= 0:
         raise PhysicsError(
-            state.step,
-            _name_caught(model, paths, int(owner[caught]), int(lists.partner[caught]), time),
+            state.step, _name_caught(model, paths, int(owner[caught]), int(partner[caught]), time)
         )
     free = middle[:, :2].copy()
     place_grains(paths, 0.5 * dt, middle)
@@ -203,6 +207,33 @@ def _approach(paths: Paths, i: int, j: int, t: float, end: float) -> tuple[float
     rest = (abs(spin) * (np.sqrt(u * u + v * v) + a * left) + a) * left
     u, v = u + spin * ly, v - spin * lx
     return distance - scene.radius[i], u * nx + v * ny, np.sqrt(u * u + v * v) + rest
+
+
+@kernel
+def those_passable(
+    paths: Paths, pieces: Pieces, velocity: Floats, row: NDArray[np.int64], partner: Ints,
+    end: float,
+) -> tuple[NDArray[np.int64], Ints]:  # fmt: skip
+    """The pairs of a list that may pass each other until ``end`` [s].
+
+    Ways are those of circles. Grains that are no discs often lie within the circles of others, and
+    slide there without meeting anything; over less than half of their width they pass nothing.
+    """
+    count, found = row.size - 1, 0
+    first, kept = np.zeros(row.size, np.int64), np.empty(partner.size, np.int32)
+    for i in range(count):
+        for p in range(row[i], row[i + 1]):
+            j = partner[p]
+            if are_faces(pieces, i, j) and _approach(paths, i, j, 0.0, 0.0)[0] < 0.0:
+                width = thinnest(pieces, i)
+                if j < count:
+                    width = min(width, thinnest(pieces, j))
+                if fastest_points(paths.scene, pieces, velocity, i, j) * end < 0.5 * width:
+                    continue
+            kept[found] = j
+            found += 1
+        first[i + 1] = found
+    return first, kept[:found].copy()
 
 
 @kernel

@@ -4,6 +4,8 @@ steps of many diameters."""
 import numpy as np
 import pytest
 from scene_parts import TIGHT, book, make_engine, make_model
+from shaped import box as plate
+from shaped import shaped_model
 
 from multicor_cli.engine import PhysicsError
 from multicor_cli.engine.motion.drives import DofDrive, Ramp, WallDrive
@@ -395,6 +397,35 @@ def test_a_crowd_has_the_same_bits_on_any_number_of_threads(way, monkeypatch):
             engine.step(DT, k * DT)
         digests.add(engine.state.digest())
     assert len(digests) == 1
+
+
+PLATE = [[plate(1.0, 0.2)]]
+"""Reaches five times as far along as across."""
+
+
+@pytest.mark.parametrize("x", [0.0, 0.3, -0.45])
+def test_a_plate_slides_over_what_lies_within_its_circle(x):
+    """Even past the highest point of a peg, and with one above it, too: v Δt, no impact."""
+    pegs = [(ShapeKind.DISC, wall, (x, y, 0.1, 0.0)) for wall, y in ((0, -0.1), (1, 0.3))]
+    model = shaped_model(PLATE, pegs, ("below", "above"), friction=0.0, gravity=(0.0, 0.0))
+    speed = 0.04 / DT
+    engine = make_engine(model, [[x - 0.01, 0.1, 0.0]], [[speed, 0.0, 0.0]], settings=TIGHT)
+    state = fly(engine, 1)
+    assert state.velocity[0] == pytest.approx([speed, 0.0, 0.0], abs=1e-9 * speed)
+    assert state.position[0] == pytest.approx([x + 0.03, 0.1, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [0.02, 0.15, 0.25, 1.0, 10.0])
+@pytest.mark.parametrize("angle", [0.0, np.pi / 2.0])
+def test_a_plate_hits_a_thin_wall_that_lies_within_its_circle(way, angle):
+    """Flat or upright, a hair above it: it stays on its side."""
+    half = 0.1 if angle == 0.0 else 0.5
+    model = shaped_model(PLATE, line(np.pi / 2.0), ("wall",), friction=0.0, gravity=(0.0, 0.0))
+    speed = 2.0 * way / DT
+    engine = make_engine(model, [[0.0, half + 0.005, angle]], [[0.0, -speed, 0.0]], settings=TIGHT)
+    state = fly(engine, 3)
+    assert state.velocity[0, 1] == pytest.approx(0.0, abs=1e-9 * speed)
+    assert half - 1e-3 <= state.position[0, 1] <= half + 0.005
 
 
 def test_nothing_is_looked_for_where_nothing_is_new():
