@@ -5,6 +5,7 @@ their corners; convex pieces.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import chain, groupby, pairwise, starmap
@@ -104,7 +105,7 @@ def _from(function: str, text: str, where: str) -> Any:
     try:
         return getattr(shapely, function)(text)
     except shapely.errors.ShapelyError as error:
-        why = str(error).strip().removeprefix("ParseException: ")[:200]
+        why = re.sub(r"^\w+Exception: ", "", str(error).strip())[:200]
         if "json.exception" in why:  # of the parser within shapely
             why = "its coordinates are no arrays of finite numbers"
         message = f"{where or 'the file'} cannot be read: {why}"

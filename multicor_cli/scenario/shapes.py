@@ -161,6 +161,9 @@ _CENTER = "center of mass in the unit of the corners, with gyration; default: th
 THINNEST = 0.01
 """Least area of a grain, over the square of its reach: what is thinner falls through others."""
 
+_DIRECTIONS = 720
+"""In which a center of mass is looked for beyond all that a grain has: every half degree."""
+
 
 def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[Refused]:
     """What is wrong with outlines that are thin, and a center of mass that is given."""
@@ -180,11 +183,12 @@ def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[R
         yield Refused(("center",), what, "give gyration too")
     around = Outlines.of(forms, _ONE, _ONE)
     r = np.repeat(around.rounding, np.diff(around.start))
-    low, high = around.corner - r[:, np.newaxis], around.corner + r[:, np.newaxis]
-    at = np.array(center)
-    if (at < low.min(axis=0)).any() or (at > high.max(axis=0)).any():
+    angles = [2.0 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
+    ways = np.array([[cos(angle) for angle in angles], [sin(angle) for angle in angles]])
+    if (np.array(center) @ ways > (around.corner @ ways + r[:, np.newaxis]).max(axis=0)).any():
         what = f"no mass within the outline has its center at {list(center)}"
-        yield Refused(("center",), what, "give a point within it, in the unit of the corners")
+        remedy = "give a point of its convex hull, in the unit of the corners"
+        yield Refused(("center",), what, remedy)
 
 
 class DiscShape(Table):
