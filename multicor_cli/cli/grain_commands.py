@@ -51,12 +51,13 @@ def diffusion(
     with store.open_run(directory) as run:
         table = post.diffusion(run, selection, margin=margin, between=between)
     about = _span(table.frames.size, "frame", table.times)
-    unit = table.shear_rate * table.diameter**2
+    sheared = table.shear_rate * table.diameter**2
+    units = {"m²/s": 1.0, "γ̇d²": sheared} if sheared > 0.0 else {"m²/s": 1.0}
     for axis, value, error in zip("xy", table.diffusion, table.diffusion_error, strict=True):
-        for by, of in ((1.0, "m²/s"), (unit, "γ̇d²")):
-            told = f"{error / by:.2g}" if by > 0.0 and error >= 0.0 else "–"
-            start_of = f"\nD_{axis}" if of == "m²/s" else ""
-            about += f"{start_of} = {value / by:.4g} ± {told} {of}" if by > 0.0 else ""
+        about += f"\nD_{axis}"
+        for name, unit in units.items():
+            known = f"{error / unit:.2g}" if error >= 0.0 else "–"
+            about += f" = {value / unit:.4g} ± {known} {name}"
     return Shown(table, about, directory, is_detailed=False)
 
 

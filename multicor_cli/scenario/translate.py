@@ -22,14 +22,14 @@ from multicor_cli.text import count_noun
 
 @dataclass(frozen=True)
 class Location:
-    """A place: path, the models' text on the last known key (or none), and model of its table;
-    the tables of other kinds that might stand there.
+    """A place: its path, the models' text on the last known key (or none), the model of its table,
+    and those of all kinds of table that might stand there, if there are several.
     """
 
     path: KeyPath
     description: str
     table: type[BaseModel]
-    others: tuple[type[BaseModel], ...] = ()
+    kinds: tuple[type[BaseModel], ...] = ()
 
     @property
     def known_keys(self) -> list[str]:
@@ -38,9 +38,9 @@ class Location:
 
     @property
     def kinds_with_key(self) -> list[str]:
-        """Other kinds of the table that know the last key."""
-        key = str(self.path[-1])
-        return [_tags(other)[0] for other in self.others if find_field(other, key)]
+        """Kinds of the table that know the last key."""
+        known = (each for each in self.kinds if find_field(each, str(self.path[-1])))
+        return [kind for kind in map(_kind_of, known) if kind]
 
     @property
     def expected(self) -> str:
@@ -52,14 +52,13 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
     """Follow a validation error through the models; tags of unions, no keys, are left out."""
     path: list[str | int] = []
     description, table = "", model
-    others: tuple[type[BaseModel], ...] = ()
+    kinds: tuple[type[BaseModel], ...] = ()
     annotation: Any = model
     for part in location:
         annotation = _strip(annotation)
         member = _union_member(annotation, part)
         if member is not None:
-            tables = map(_strip, _members(annotation))
-            others = tuple(each for each in tables if _is_table(each) and _tags(each))
+            kinds = tuple(each for each in map(_strip, _members(annotation)) if _kind_of(each))
             annotation = member
             continue
         if part == "[key]":
@@ -70,7 +69,7 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
             field = find_field(table, str(part))
             description = (field.description or "") if field else description
         annotation = _inside(annotation, part)
-    return Location(tuple(path), description, table, others if table in others else ())
+    return Location(tuple(path), description, table, kinds if table in kinds else ())
 
 
 def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
@@ -120,17 +119,17 @@ def _union_member(annotation: Any, part: str | int) -> Any:
     """The member of a union that ``part`` is the tag of, or the kind."""
     for member in _members(annotation):
         tags = [data.tag for data in get_args(member)[1:] if isinstance(data, Tag)]
-        if part in tags + _tags(_strip(member)):
+        if part in (*tags, _kind_of(_strip(member))):
             return member
     return None
 
 
-def _tags(table: Any) -> list[str]:
+def _kind_of(table: Any) -> str | None:
     """The ``kind`` of a table, if it has one."""
     kind = table.model_fields.get("kind") if _is_table(table) else None
     if kind is None or get_origin(kind.annotation) is not Literal:
-        return []
-    return [str(get_args(kind.annotation)[0])]
+        return None
+    return str(get_args(kind.annotation)[0])
 
 
 def _inside(annotation: Any, part: str | int) -> Any:
@@ -303,7 +302,7 @@ def _unknown_key(place: Location, _error: ErrorDetails) -> Refused:
         what = "unknown key: keys carry no unit, all numbers are in SI units"
         return Refused(place.path, what, f"did you mean '{match[1]}'?")
     if kinds := place.kinds_with_key:
-        what = f'unknown key of kind = "{_tags(place.table)[0]}"'
+        what = f'unknown key of kind = "{_kind_of(place.table)}"'
         return Refused(place.path, what, f"remove it: it belongs to {name_list(kinds)}")
     remedy = did_you_mean(str(place.path[-1]), known) or f"known here: {name_list(known)}"
     return Refused(place.path, "unknown key", remedy)

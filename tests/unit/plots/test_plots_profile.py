@@ -62,7 +62,7 @@ def test_errors_that_are_not_known_leave_no_islands():
     assert (box.get_y(), box.get_height(), box.get_width()) == pytest.approx((0.0, 1.0, 0.04))
 
 
-def test_fields_in_several_units_have_an_axis_each(tmp_path, shaped):
+def test_fields_in_several_units_have_an_axis_each(shaped):
     """Order and director have a panel each, beside each other; stresses share one."""
     with open_run(shaped) as run:
         nematic, stress = (profiles(run, of, Selection(start=0.0)) for of in ("nematic", "stress"))
