@@ -678,8 +678,8 @@ class Engine:
     ) -> tuple[ContactSums, Floats]:  # fmt: skip
         """What the contacts lose and exert; bridges that are left go into the state.
 
-        ``virial`` is what that of contacts lacks in a cell, by impacts. Also returns which pairs
-        with corners overlap.
+        ``virial`` is what that of contacts lacks in a cell, by impacts. Also returns what pairs
+        with corners overlap, over their smaller radii, as `account_faces` finds it.
         """
         laws, selection = self._laws, self._layout.selection
         lanes = selection.lanes

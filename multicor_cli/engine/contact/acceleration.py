@@ -71,7 +71,7 @@ LOOP = np.dtype(
         ("since", "f8"),  # sweeps when the mode began
         ("patience", "f8"),  # sweeps without gain after which the loop is stuck
         ("is_stuck", "?"),  # nothing has been gained for long
-        ("peak", "f8"),  # least miss of maximum and energy, over tolerances that the rms has met
+        ("peak", "f8"),  # lowest miss of maximum and energy since the rms met its tolerance [1]
         ("peak_at", "f8"),  # sweeps then
         ("is_peak", "?"),  # stuck though the rms has met its tolerance
         ("patches", "i8"),  # solved since the start

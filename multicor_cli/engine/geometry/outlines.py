@@ -15,13 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.geometry.pieces import (
-    NORMAL_X,
-    NORMAL_Y,
-    Pieces,
-    are_faces,
-    pieces_met,
-)
+from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, are_faces, pieces_met
 from multicor_cli.engine.geometry.scene import (
     Scene,
     distance_to_shape,

@@ -97,9 +97,7 @@ def _is_beside_corner(pieces: Pieces, p: int, x: float, y: float, near: float) -
 
 
 @subroutine
-def _is_axis(
-    point: Point, first: Point, scene: Scene, shape: int, graze: float
-) -> bool:  # fmt: skip
+def _is_axis(point: Point, first: Point, scene: Scene, shape: int, graze: float) -> bool:
     """Whether a pair may pass over the edge of this point, not that of its nearest one."""
     turned_by = abs(point.nx * first.ny - point.ny * first.nx)
     if point.gap < -graze or turned_by < ALIKE:
@@ -170,9 +168,7 @@ def touch_passing(
         pieces, met, first.j_x + wall_x - r_b * first.nx, first.j_y + wall_y - r_b * first.ny, near
     ):
         return first, second
-    found = _past(
-        first, scene, pieces, velocity, i, a, j, met, wall_x, wall_y, dt, graze
-    )  # fmt: skip
+    found = _past(first, scene, pieces, velocity, i, a, j, met, wall_x, wall_y, dt, graze)
     if found.nx == first.nx and found.ny == first.ny:
         return first, second
     is_line = shape >= 0 and scene.kind[shape] in (_SEGMENT, _SIDE)

@@ -18,11 +18,7 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
-from multicor_cli.engine.geometry.outlines import (
-    circle_gap,
-    nearest_point,
-    true_gap,
-)
+from multicor_cli.engine.geometry.outlines import circle_gap, nearest_point, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces, place_walls
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes

@@ -14,11 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
-from multicor_cli.engine.geometry.outlines import (
-    Point,
-    points_within,
-    touch_pieces,
-)
+from multicor_cli.engine.geometry.outlines import Point, points_within, touch_pieces
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces, pieces_met, turn_by
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, shortest
