@@ -42,7 +42,7 @@ _WEIGHT = 1e-3  # of grains that settle, over the smallest reach: how far it sin
 _SKIN = 0.3  # of the mean radius
 _PROBES = 96
 _BATCH = 1024
-_MOST_MISSES = 200  # batches without a single point outside solid matter
+_MOST_MISSES = 200  # batches without a single point that counts as an attempt
 
 
 def random_packing(
@@ -68,7 +68,7 @@ def random_packing(
     shrink = min(1.0, math.sqrt(_EASY_FRACTION / fraction))
     inserted = _insert(shrink * enlarged, region, solid, attempts, rng)
     if inserted is None:
-        raise refusal(radius.size, fraction, "and hardly any of its points is free")
+        raise refusal(radius.size, fraction, "and hardly any of its points has room for the next")
     position, is_complete = inserted
     if shrink == 1.0 and is_complete and not region.is_periodic_in_y:
         return position
@@ -104,7 +104,7 @@ def pack_outlines(
     shrink = min(1.0, math.sqrt(_EASY_FRACTION * free / (math.pi * total(circles * circles))))
     inserted = _insert(shrink * circles, region, solid, attempts, rng)
     if inserted is None:
-        raise refusal(reach.size, fraction, "and hardly any of its points is free")
+        raise refusal(reach.size, fraction, "and hardly any of its points has room for the next")
     center, is_complete = inserted
     position = np.column_stack([center, angle])
     is_free = is_complete and not region.is_periodic_in_y and solid.grains is None
@@ -177,7 +177,8 @@ def _insert(
 ) -> tuple[Floats, bool] | None:
     """Random sequential addition, largest first: centers [m], and whether all found a free place.
 
-    None if almost all of the region is solid matter or lies beyond its boundary.
+    None if almost all of the region is solid matter or lies beyond its boundary, or if outlines
+    leave hardly any room for the next grain.
     """
     order, grains = np.argsort(-radius, kind="stable"), obstacles
     if obstacles.grains is not None:
@@ -218,8 +219,9 @@ def refusal(count: int, fraction: float, why: str) -> Refused:
         larger = f"about {fits} would fit (fraction {share}): enlarge the region or ask for"
         return Refused((), text, f"{larger} fewer grains")
     # What usually fits does not where sides and corners are near
-    larger = "enlarge the region, in which sides and corners leave less room, or ask for fewer"
-    return Refused((), text, f"{larger} grains, {int(0.9 * count)} say")
+    larger = "enlarge the region, in which sides and corners leave less room, or ask for"
+    fewer = f"fewer grains, {int(0.9 * count)} say" if count > 1 else "a smaller grain"
+    return Refused((), text, f"{larger} {fewer}")
 
 
 def _free_area(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
