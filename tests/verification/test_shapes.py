@@ -264,6 +264,18 @@ def test_a_side_that_leans_meets_no_joint_ahead(sides, way, start, friction):
     assert tally(state, "max_overlap") <= 1e-3
 
 
+@pytest.mark.parametrize("place", [(0.3, 0.1, 0.0), (0.25, 0.4, 0.4)])
+@pytest.mark.parametrize("gravity", [(-3.0, -9.0), (-9.0, -3.0)])
+@pytest.mark.parametrize("step", [1e-2, 2e-3])
+def test_a_box_comes_to_rest_in_the_corner_of_a_line(place, gravity, step):
+    """Sharp as it is: the sides hold it at the corner of the line, no way leads to behind that."""
+    line = wall_line([[0.0, 2.0], [0.0, 0.0], [2.0, 0.0]])
+    model = shaped_model([[(box(0.2, 0.2), 0.0)]], line, friction=0.0, gravity=gravity)
+    state = advance(shaped_engine(model, [place]), step, round(2.0 / step))
+    assert state.position[0] == pytest.approx([0.1, 0.1, 0.0], abs=1e-3)
+    assert tally(state, "max_overlap") <= 1e-3
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.3, 0.4995])
 def test_a_tip_that_meets_a_side_hits_it(offset):
     """With 2/(2/m + l²/I), off its middle too and near its end."""

@@ -277,7 +277,8 @@ def _touch_corner(
     """The point of a piece at a corner of a wall, which is −(dx, dy) from its center.
 
     ``found`` is the one without regard to the sides that meet there. Where the corner is in the
-    piece, and the way out that is shortest leads along a side, the shortest is that away from one.
+    piece, and the way out that is shortest leads along a side, the shortest is that away from one,
+    to where the piece is: in a concave corner both sides hold it, and the corner has no point.
     """
     if is_outside(scene, shape, found.nx, found.ny, LEAN):
         return found
@@ -290,17 +291,15 @@ def _touch_corner(
             continue
         x, y = world[line, TAIL_X] - world[line, X], world[line, TAIL_Y] - world[line, Y]
         length = sqrt(x * x + y * y)
-        for sign in (-1.0, 1.0):
-            away_x, away_y = -sign * y / length, sign * x / length
-            if not is_outside(scene, shape, away_x, away_y, LEAN):
-                continue
-            least = inf
-            for v in range(pieces.start[a], pieces.start[a + 1]):
-                height = away_x * (dx + corner[v, X]) + away_y * (dy + corner[v, Y])
-                least = min(least, height)
-            if least - pieces.rounding[a] > best:
-                best, nx, ny = least - pieces.rounding[a], away_x, away_y
-    if best >= 0.0:
+        away_x, away_y, lowest, highest = -y / length, x / length, inf, -inf
+        for v in range(pieces.start[a], pieces.start[a + 1]):
+            height = away_x * (dx + corner[v, X]) + away_y * (dy + corner[v, Y])
+            lowest, highest = min(lowest, height), max(highest, height)
+        if lowest < -highest:  # the piece is on the other side of the line
+            away_x, away_y, lowest = -away_x, -away_y, -highest
+        if lowest - pieces.rounding[a] > best and is_outside(scene, shape, away_x, away_y, LEAN):
+            best, nx, ny = lowest - pieces.rounding[a], away_x, away_y
+    if best >= 0.0 or best == -inf:
         return NOWHERE
     return Point(
         nx, ny, best, best * nx - dx, best * ny - dy, world[shape, X], world[shape, Y],
