@@ -21,7 +21,12 @@ from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.contact.faces import FacePairs, pieces_of_key, rows_of_faces
 from multicor_cli.engine.geometry.outlines import LEAN, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces
-from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
+from multicor_cli.engine.geometry.places import (
+    RISE,
+    find_places,
+    met_before,
+    totals_of_places,
+)
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
@@ -106,13 +111,16 @@ def _share_among(
         if other.j < scene.radius.size or other.gap == inf:
             continue
         x, y = other.own_x - one.own_x, other.own_y - one.own_y
-        there += abs(x) + abs(y) <= near
-        is_along = abs(other.nx * one.ny - other.ny * one.nx) < LEAN
+        cosine = other.nx * one.nx + other.ny * one.ny
+        # Sides that meet at a corner are places of their own, as for discs
+        there += abs(x) + abs(y) <= near and cosine >= 1.0 - RISE
+        is_along = cosine > 0.0 and abs(other.nx * one.ny - other.ny * one.nx) < LEAN
+        along = y * one.nx - x * one.ny
+        is_level = other.gap - one.gap <= near + LEAN * abs(along)  # not over a ledge behind it
         theirs = pieces_of_key(pieces, scene, other.i, other.j, other.key)[0]
-        if is_along and theirs == mine and other.nx * one.nx + other.ny * one.ny > 0.0:
-            along = y * one.nx - x * one.ny
+        if is_along and is_level and theirs == mine:
             is_before, is_after = is_before or along < -near, is_after or along > near
-    return 0.0 if is_before and is_after else 1.0 / max(1, there)
+    return 0.0 if is_before and is_after else 1.0 / there
 
 
 @kernel

@@ -389,6 +389,34 @@ def test_a_side_holds_at_both_ends(joints, kind, factor):
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
+@pytest.mark.parametrize("beyond", [2.0, 20.0, 500.0])
+def test_a_side_holds_at_the_edge_of_a_ledge(beyond, factor):
+    """At its corner and at the edge, wherever the ceiling goes on beyond the range."""
+    reach = 0.1 * REACH
+    ceiling = wall_line(
+        [[2.0, 1.0 + beyond * reach], [0.0, 1.0 + beyond * reach], [0.0, 1.0], [-2.0, 1.0]]
+    )
+    model = shaped_model([SQUARE], ceiling, ("ceiling",), adhesion=1.0, reach=reach)
+    load = factor * 1.5 / model.grains.mass[0]  # two thirds of it at the edge
+    model = replace(model, gravity=np.array([0.0, -load]))
+    state = advance(shaped_engine(model, [[-0.05, 0.9]]), 4e-4, 300)
+    assert (state.position[0, 1] < 0.9 - reach) == (factor > 1.0)
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+def test_a_wall_beside_a_side_takes_nothing_of_what_holds_it(factor):
+    """A square that touches a wall with its side bears 2 F_a below a ceiling, too."""
+    shapes = [*CEILING, (ShapeKind.PLANE, 1, (-0.1, 0.0, 1.0, 0.0))]
+    model = shaped_model(
+        [SQUARE], shapes, ("ceiling", "wall"), adhesion=1.0, reach=REACH, friction=0.0
+    )
+    load = factor * 2.0 / model.grains.mass[0]
+    model = replace(model, gravity=np.array([0.0, -load]))
+    state = advance(shaped_engine(model, [[0.0, 0.9]]), 4e-4, 300)
+    assert (state.position[0, 1] < 0.9 - REACH) == (factor > 1.0)
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_a_bracket_tips_off_a_wall_when_its_weight_exceeds_the_upper_point(factor):
     """Around its lower corner: m g b/2 against F_a h."""
     width, height = 0.3, 0.2
