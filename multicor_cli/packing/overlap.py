@@ -14,7 +14,7 @@ from multicor_cli.engine.geometry.neighbors import classify, find_near, make_gri
 from multicor_cli.engine.geometry.outlines import touch, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, pieces_of, turned
 from multicor_cli.engine.geometry.scene import Scene, from_first_end, gap_to_shape
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model import Model
 from multicor_cli.model.columns import RADIUS, TAIL_X, XX, XY, YY, X, Y
@@ -276,7 +276,7 @@ def _true_gaps(scene: Scene, pieces: Pieces, i: Ints, j: Ints, out: Floats) -> N
             out[p] = true_gap(scene, pieces, i[p], j[p])[0]
 
 
-@kernel
+@subroutine
 def _gap_to_line(scene: Scene, pieces: Pieces, i: int, shape: int) -> float:
     """Gap of a grain and a line with its ends [m], however deep one is in the other."""
     x, y, line = scene.position[i, X], scene.position[i, Y], scene.world[shape]

@@ -15,7 +15,7 @@ from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.geometry.neighbors import Grids, classify, make_grids
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
@@ -55,7 +55,7 @@ class PlacedDiscs(NamedTuple):
     period: float
 
 
-@kernel
+@subroutine
 def _cell_of(place: float, field: PlacedDiscs, level: int, axis: int) -> int:
     """Column (``axis`` `X`) or row of a cell, the nearest one outside of the grid."""
     cells = field.grids
@@ -64,7 +64,7 @@ def _cell_of(place: float, field: PlacedDiscs, level: int, axis: int) -> int:
     return int(min(inside, cells.shape[level, axis] - 1.0))
 
 
-@kernel
+@subroutine
 def _columns_between(low: float, high: float, field: PlacedDiscs, level: int) -> tuple[int, int]:
     """First and last column that [low, high] touches; modulo their number if periodic."""
     columns = field.grids.shape[level, X]
@@ -135,7 +135,7 @@ def make_field(
 # ---- At random free places
 
 
-@kernel
+@subroutine
 def _hits_disc(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
@@ -232,7 +232,7 @@ _SLACK = 1e-9
 _BATCH = 4096
 
 
-@kernel
+@subroutine
 def _fall(
     x: float, y: float, radius: float, left_disc: int, floor: float, field: PlacedDiscs
 ) -> tuple[float, int]:
@@ -288,7 +288,7 @@ def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) ->
     return meeting
 
 
-@kernel
+@subroutine
 def _roll(
     x: float, y: float, radius: float, j: int, side: float, sides: Floats, field: PlacedDiscs
 ) -> tuple[float, float, int]:

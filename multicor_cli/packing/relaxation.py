@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.geometry.outlines import touch, touch_wall
 from multicor_cli.engine.geometry.pieces import Pieces, pieces_with, place_walls, turn_grains
 from multicor_cli.engine.geometry.scene import Scene, gap_to_shape, minimum_image
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.model.columns import ANGLE, RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.outlines import Outlines
@@ -74,7 +74,7 @@ class Outlined(NamedTuple):
 # ---- Forces
 
 
-@kernel
+@subroutine
 def _repel_discs(
     position: Floats,
     radius: Floats,
@@ -123,7 +123,7 @@ def _push(force: Floats, i: int, fx: float, fy: float, ox: float, oy: float, rea
     force[i, ANGLE] += (ox * fy - oy * fx) / reach
 
 
-@kernel
+@subroutine
 def _repel_pair(
     pieces: Pieces, i: int, j: int, dx: float, dy: float, reach_i: float, reach_j: float,
     is_alone: bool, force: Floats,
@@ -146,7 +146,7 @@ def _repel_pair(
     return float(-least / min(reach_i, reach_j))
 
 
-@kernel
+@subroutine
 def _repel_wall(outlined: Outlined, reach: float, i: int, shape: int, force: Floats) -> float:
     """Add the forces of an obstacle on a grain; return the overlap over its reach."""
     pieces, least = outlined.pieces, 0.0
@@ -197,7 +197,7 @@ def _repel_outlines(
 # ---- The descent
 
 
-@kernel
+@subroutine
 def _follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
     """Bring images to where their grains are; **modifies** ``world``."""
     for g in range(ghosts.shape.size):
@@ -280,7 +280,7 @@ def _descend(
     return steps, worst, False
 
 
-@kernel
+@subroutine
 def _slow(velocity: Floats, most: float) -> None:
     for i in range(velocity.shape[0]):
         for c in range(velocity.shape[1]):

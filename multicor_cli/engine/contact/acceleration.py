@@ -34,7 +34,7 @@ from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.arrays import CHUNK, copy_into
-from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
+from multicor_cli.engine.jit.compile import kernel, loop_body, prange, subroutine, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
@@ -225,7 +225,7 @@ def _extrapolate_bodies(
     return cross, square
 
 
-@kernel
+@subroutine
 def _switch(mode: int, loop: Any) -> None:
     loop["mode"], loop["since"], loop["lowest"] = mode, loop["sweeps"], np.inf
 
@@ -269,7 +269,7 @@ def _growth(loop: Any) -> float:
     return LONG_GROWTH if is_long else MODES[mode, GROWTH]
 
 
-@kernel
+@subroutine
 def _next_theta(loop: Any) -> float:
     """Advance Nesterov's θ; returns the factor ω that belongs to it."""
     theta = loop["theta"]
@@ -286,7 +286,7 @@ def restart(change: float, loop: Any) -> float:
     return _next_theta(loop)
 
 
-@kernel
+@subroutine
 def choose_factor(change: float, growth: float, loop: Any) -> float:
     """The factor ω of the next extrapolation, unless `move_on` restarts by the gradient."""
     if change > growth * loop["lowest"]:
@@ -350,7 +350,7 @@ def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) ->
     return bool(loop["is_converged"])
 
 
-@kernel
+@subroutine
 def _watch_peak(has_corners: bool, tolerance: Tolerances, loop: Any) -> None:
     """Say so where the rms alone has met its tolerance for long, and nothing else comes nearer.
 

@@ -73,7 +73,7 @@ def share_of_force(first: float, last: float, reach: float, is_wet: bool) -> flo
 # ---- The contacts of a step
 
 
-@kernel
+@subroutine
 def _share_points(
     scene: Scene, pieces: Pieces, contacts: Contacts, faces: FacePairs, share: Floats
 ) -> None:

@@ -26,7 +26,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     bodies_of,
     over_batches,
 )
-from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
+from multicor_cli.engine.jit.compile import loop_body, prange, subroutine, threaded_loop
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
 from multicor_cli.model.columns import (
     BIAS,
@@ -409,7 +409,7 @@ def begin_gradient(gradient: Floats, inverse: Floats, tiles: int, own: Floats) -
         own[d], own[LANES + d] = gradient[d], tiles * inverse[d]
 
 
-@kernel
+@subroutine
 def end_gradient(first: int, last: int, gradient: Floats, inverse: Floats, own: Floats) -> None:
     """Move the gradient on by what tiles ``first … last-1`` have done to it."""
     for t in range(first, last):
@@ -451,7 +451,7 @@ def _relax_on_threads(
         )  # fmt: skip
 
 
-@kernel
+@subroutine
 def relax_faces(
     faces: FaceBatches | None, color_start: NDArray[np.int64], velocity: Floats, impulse: Floats,
     before: Floats, beta: float, extrapolation: float, parallel: bool, partial: Floats,
@@ -487,7 +487,7 @@ def relax_faces(
     return total
 
 
-@kernel
+@subroutine
 def measure_faces(
     faces: FaceBatches | None, velocity: Floats, impulse: Floats, row: int
 ) -> tuple[float, float, float, float, float]:
@@ -506,7 +506,7 @@ def measure_faces(
     return _measure(0, count, velocity, faces.pair, faces.block, impulse)
 
 
-@kernel
+@subroutine
 def first_of_batches(faces: FaceBatches | None, rows: int) -> int:
     """Number of the general contacts that lie in no batch."""
     if faces is None:

@@ -28,7 +28,7 @@ from multicor_cli.engine.contact.meetings import Air, Walls, discs_meet_soon, me
 from multicor_cli.engine.geometry.neighbors import Around
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
-from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.engine.jit.compile import kernel, loop_body, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
@@ -92,7 +92,7 @@ def _leaves(scene: Scene, i: int, j: int, start: Floats, dt: float, limit: float
     return bool(gap > limit or opening > GRAZE * scene.radius[i])
 
 
-@kernel
+@subroutine
 def _find_flying(
     air: Air, contact_i: Ints, contact_j: Ints, row: NDArray[np.int64], partner: Ints
 ) -> None:
@@ -222,7 +222,7 @@ def _look_at_each_other(
     return found
 
 
-@kernel
+@subroutine
 def _ground(flying: NDArray[np.bool_], i: NDArray[np.int64], j: NDArray[np.int64]) -> bool:
     """Whoever meets a grain that does not fly does not either; returns if that grounds any."""
     changed = False
@@ -328,7 +328,7 @@ def _note(
     return queued + 1, max(fastest, u * u + v * v), max(jump, du * du + dv * dv)
 
 
-@kernel
+@subroutine
 def _restart(
     air: Air, grains: NDArray[np.int64], middle: Floats, start: Floats, free: Floats
 ) -> float:

@@ -11,7 +11,7 @@ from multicor_cli.engine.contact.contacts import Contacts, contact_after, fricti
 from multicor_cli.engine.contact.law import solve_exact
 from multicor_cli.engine.contact.meetings import Air, relative, wall_at
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.engine.jit.compile import kernel, loop_body, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
@@ -154,7 +154,7 @@ def convected_by(impacts: Impacts, change: Floats) -> Floats:
     return convected
 
 
-@kernel
+@subroutine
 def _row_of(i: Ints, j: Ints, first: int, second: int) -> int:
     """Where a pair is in pairs sorted by (i, j), or -1."""
     low, high = 0, i.size

@@ -41,7 +41,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     impulse_place,
     lane_of_impulse,
 )
-from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.engine.jit.compile import kernel, loop_body, subroutine
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     FIRST,
@@ -104,7 +104,7 @@ def _exchange(table: Floats, row: int, column: int) -> None:
             _add(table[i], source, factor)
 
 
-@kernel
+@subroutine
 def _leaving_row(
     table: Floats, column: int, basic: Ints, artificial: int, smallest: float, tie: float
 ) -> int:
@@ -184,7 +184,7 @@ def _find(matrix: Floats, vector: Floats, has_corners: bool, z: Floats) -> bool:
     return False
 
 
-@kernel
+@subroutine
 def _is_proven(matrix: Floats, vector: Floats, solution: Floats) -> bool:
     for k in range(vector.size):
         w = vector[k]
@@ -350,7 +350,7 @@ def _around(
     return chosen[:found]
 
 
-@kernel
+@subroutine
 def _worst_of(chosen: NDArray[np.bool_], square: Floats) -> int:
     worst = -1
     for k in range(square.size):

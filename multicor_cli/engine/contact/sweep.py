@@ -52,7 +52,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     relax_batches,
     relax_stretched_batches,
 )
-from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
+from multicor_cli.engine.jit.compile import kernel, loop_body, prange, subroutine, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
 from multicor_cli.model.columns import (
@@ -494,7 +494,7 @@ def _relax_tiles_on_threads(
             end_gradient(color_start[color], color_start[color + 1], gradient, inverse, own)
 
 
-@kernel
+@subroutine
 def _relax_cell(
     first: int, color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats,
     pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,

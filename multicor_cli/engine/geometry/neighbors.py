@@ -16,7 +16,7 @@ from multicor_cli import arithmetic
 from multicor_cli.engine.geometry.drift import Box, approach_of_displacements
 from multicor_cli.engine.geometry.scene import Scene, is_near_shape, shortest
 from multicor_cli.engine.jit.arrays import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
@@ -227,7 +227,7 @@ def _scan_row(
     return found
 
 
-@kernel
+@subroutine
 def _scan_shapes(
     i: int, grain_count: int, center: Floats, radius: Floats, others: Ints, kind: Ints,
     world: Floats, cutoff: float, period: float, out: Ints, offset: int,

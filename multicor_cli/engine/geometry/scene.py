@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
@@ -106,7 +106,7 @@ def disc_circle(
     return circle_radius - distance - radius, -dx / distance, -dy / distance
 
 
-@kernel
+@subroutine
 def _past_end(
     x: float, y: float, world: Floats, segment: int, is_start: bool, period: float
 ) -> bool:

@@ -24,7 +24,7 @@ from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.network import Ends
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.heat.rates import Network
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
 
@@ -129,7 +129,7 @@ def passed(
     return found
 
 
-@kernel
+@subroutine
 def _radiates(area: Floats, k: int, a: float, b: float, dt: float) -> float:
     """Conductance of radiation at the mean of temperatures that have lasted ``dt`` [W/K]."""
     if area.size == 0:

@@ -28,7 +28,7 @@ from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.mechanism import HeatLaws, Indices
 from multicor_cli.engine.jit.arrays import CHUNK, column_totals
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL, X, Y
@@ -121,7 +121,7 @@ SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
 """Share of the first body, from these properties of the first body and then of the second."""
 
 
-@kernel
+@subroutine
 def share_out(
     scene: Scene, i: Indices, j: Indices, rows: Ints, heat: Floats, share: Floats,
     takes_heat: NDArray[np.bool_], generated: Floats, source: Floats, wall_source: Floats,
@@ -147,7 +147,7 @@ def share_out(
             source[i[c]] += total
 
 
-@kernel
+@subroutine
 def wear_off(
     scene: Scene, i: Indices, j: Indices, rows: Ints, rubbing: Floats, laws: HeatLaws,
     wear: Floats, wall_wear: Floats,

@@ -15,7 +15,7 @@ import numpy as np
 
 from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.radiation import linear_coefficient
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.orders import Interrupted
 from multicor_cli.model.model import Floats, Ints
 
@@ -72,7 +72,7 @@ class Network(NamedTuple):
         return bool(self.area.size or self.wall_area.size or self.outside_area.any())
 
 
-@kernel
+@subroutine
 def _link(conductance: float, area: Floats, k: int, a: float, b: float, ahead: float) -> float:
     """Heat flow through a link from temperature ``b`` to ``a`` [W]; nothing radiates below 0 K.
 
@@ -88,7 +88,7 @@ def _link(conductance: float, area: Floats, k: int, a: float, b: float, ahead: f
     return (conductance + linear_coefficient(area[k], a, b)) * (b - a + ahead)
 
 
-@kernel
+@subroutine
 def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
     """Largest derivative of a link's flow by a temperature: that of T⁴ at the hotter end [W/K]."""
     hotter = max(a, b, 0.0)

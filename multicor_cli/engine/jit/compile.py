@@ -20,6 +20,7 @@ import numba  # noqa: E402  (the cache directory and the threading layer must be
 import numpy as np  # noqa: E402
 from numba.core import cgutils as cgutils  # noqa: E402  (for `vectors`, which must not import Numba before)
 from numba.core import types as types  # noqa: E402
+from numba.core.registry import CPUDispatcher  # noqa: E402
 from numba.extending import intrinsic as intrinsic  # noqa: E402
 from numba.extending import register_jitable  # noqa: E402
 
@@ -126,24 +127,18 @@ def _twin(function: Callable[..., Any], version: str) -> Callable[..., Any]:
     return twin
 
 
-def subroutine(function: F) -> F:
-    """Compile a function that kernels call, too long to be inlined; it must not allocate.
+class _ForKernels(CPUDispatcher):
+    """What kernels alone call. Numba would crash where Python does, as there is no entry for it."""
 
-    Then references to the arrays of its arguments need not be counted (as `_inlined` says).
-    Integers are of one kind, whichever they are where it is called: it would be compiled for each.
-    """
-    compiled: Any = numba.njit(cache=True, error_model="numpy", **_NO_C, **_WITHOUT_COUNTING)(
-        function
-    )
-    if not IS_COMPILING:
-        return compiled  # type: ignore[no-any-return]
-    find = compiled.get_call_template
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        raise TypeError(f"{self.py_func.__name__} is for kernels alone: call it from one")
 
-    def of_one_kind(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        return find(tuple(map(_wide, args)), {name: _wide(kind) for name, kind in named.items()})
 
-    compiled.get_call_template = of_one_kind
-    return compiled  # type: ignore[no-any-return]
+class _Subroutine(_ForKernels):
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        return super().get_call_template(
+            tuple(map(_wide, args)), {name: _wide(kind) for name, kind in kws.items()}
+        )
 
 
 def _wide(kind: Any) -> Any:
@@ -151,11 +146,29 @@ def _wide(kind: Any) -> Any:
     return types.int64 if isinstance(kind, types.Integer) else kind
 
 
+def _for_kernels(function: F, kind: type[_ForKernels], **options: Any) -> F:
+    """Compile without an entry for Python, which takes a seventh of all compilation."""
+    no_entry: dict[str, Any] = {"no_cpython_wrapper": True}
+    compiled: Any = numba.njit(
+        cache=True, error_model="numpy", **options, **no_entry, **_NO_C, **_WITHOUT_COUNTING
+    )(function)
+    if IS_COMPILING:
+        compiled.__class__ = kind
+    return compiled  # type: ignore[no-any-return]
+
+
+def subroutine(function: F) -> F:
+    """Compile a function that kernels call, too long to be inlined; it must not allocate.
+
+    Then references to the arrays of its arguments need not be counted (as `_inlined` says).
+    Integers are of one kind, whichever they are where it is called: it would be compiled for each.
+    """
+    return _for_kernels(function, _Subroutine)
+
+
 def loop_body(function: F) -> F:
     """Compile an inner loop into its kernels; as a `formula` it makes the solve a fifth longer."""
-    return numba.njit(
-        cache=True, error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING
-    )(function)  # type: ignore[return-value]
+    return _for_kernels(function, _ForKernels, forceinline=True)
 
 
 def elementwise(function: Callable[[float], float]) -> Callable[[Floats], Floats]:

@@ -33,7 +33,7 @@ from multicor_cli.engine.geometry.scene import (
     placed_shape,
     scene_of,
 )
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.motion.correction import ALLOWED
 from multicor_cli.engine.motion.layout import Layout
 from multicor_cli.engine.motion.walls import WallMotion
@@ -160,7 +160,7 @@ def _name_caught(model: Model, paths: Paths, grain: int, shape: int, time: float
     )
 
 
-@kernel
+@subroutine
 def _grain_at(paths: Paths, k: int, t: float) -> tuple[float, float, float, float, float]:
     """Center [m], velocity [m/s] and magnitude of the acceleration [m/s²] of a grain at a time."""
     ago = t - paths.since[k]
@@ -236,7 +236,7 @@ def those_passable(
     return first, kept[:found].copy()
 
 
-@kernel
+@subroutine
 def meeting_time(paths: Paths, i: int, j: int, begin: float, end: float) -> float:
     """When a pair meets in ``begin … end`` [s]; infinite if it overlaps by no more than allowed."""
     smaller = smaller_radius(paths.scene, i, j)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from entries import entry
 
 from multicor_cli.engine.contact import face_sweep, patches
 from multicor_cli.engine.contact.face_sweep import ROWS
@@ -47,6 +48,9 @@ def _points(rng, batches):
     return velocity, blocks(pair), blocks(rows), rows, impulse
 
 
+_relax_scalar = entry(face_sweep._relax_scalar)
+
+
 @kernel
 def _relaxed(first, last, velocity, pair, block, impulse, before, beta, ahead, branch, own):
     if branch.size:
@@ -69,9 +73,7 @@ def test_the_law_without_branches_is_that_of_the_full_local_problem():
     """One relaxation of free points gives the impulses of the enumeration of all states."""
     velocity, pair, block, rows, impulse = _points(np.random.default_rng(1), 50)
     old, now = impulse.copy(), velocity.copy()
-    face_sweep._relax_scalar(
-        0, len(pair), now.reshape(-1), pair, block, impulse, old.copy(), BETA, 0.0
-    )
+    _relax_scalar(0, len(pair), now.reshape(-1), pair, block, impulse, old.copy(), BETA, 0.0)
     found = {"open": 0, "sticks": 0, "slides": 0}
     for g, row in enumerate(rows):
         i, j = pair[g // LANES, :, g % LANES] // 4
@@ -96,9 +98,7 @@ def test_points_that_are_held_keep_their_impulses():
     before, general = impulse.copy(), np.concatenate([np.ones((3, 8)), frame])
     held = np.array([1, 3, 8])  # one of them in no batch
     patches._hold_points(faces, general, held, True)
-    face_sweep._relax_scalar(
-        0, 2, velocity.reshape(-1), pair, faces.block, impulse, before.copy(), BETA, 0.0
-    )
+    _relax_scalar(0, 2, velocity.reshape(-1), pair, faces.block, impulse, before.copy(), BETA, 0.0)
     stayed = (impulse == before).all(axis=1)
     assert stayed[[0, 5]].all()
     assert stayed.sum() < 5
@@ -117,7 +117,7 @@ def test_vectors_have_the_bits_of_the_scalar_loop(in_cell):
         branch, gradient = rng.normal(size=(40, 2, LANES)).reshape(-1), [0.3, -0.2, 0.5]
     results = []
     for relax, measure in (
-        (_relaxed, _measured), (face_sweep.relax_faces_scalar, face_sweep.measure_faces_scalar)
+        (_relaxed, _measured), map(entry, (face_sweep.relax_faces_scalar, face_sweep.measure_faces_scalar))
     ):  # fmt: skip
         now, p, last = velocity.copy().reshape(-1), impulse.copy(), before.copy()
         own = np.array([*gradient, 0.0, 0.01, 0.02, 0.03, 0.0, *4 * [0.0]])

@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
+from entries import entry
 from shapes import box, convex, disc, regular, rod, shaped_model, wall_line
 
-from multicor_cli.engine.geometry.outlines import touch, touch_pieces, touch_wall, true_gap
+from multicor_cli.engine.geometry import outlines
 from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model.shapes import ShapeKind
+
+touch, touch_pieces, touch_wall, true_gap = map(
+    entry, (outlines.touch, outlines.touch_pieces, outlines.touch_wall, outlines.true_gap)
+)
 
 SIDES = (1, 2, 3, 4, 5, 7, 20)
 TINY = 1e-12

@@ -2,16 +2,21 @@
 
 import numpy as np
 import pytest
+from entries import entry
 from heat_parts import with_heat
 from shapes import box, convex, disc, regular, rod, shaped_model
 from wall_lines import level, walls_of
 
-from multicor_cli.engine.contact.faces import pieces_of_key, point_key
-from multicor_cli.engine.geometry.outlines import touch_pieces
+from multicor_cli.engine.contact import faces
+from multicor_cli.engine.geometry import outlines
 from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.engine.heat.faces import SHARP, FacePoints, corners_of, points_at_rest
 from multicor_cli.model import ShapeKind
+
+touch_pieces, pieces_of_key, point_key = map(
+    entry, (outlines.touch_pieces, faces.pieces_of_key, faces.point_key)
+)
 
 LAMBDA = np.array([15.0])
 

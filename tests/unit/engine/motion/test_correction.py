@@ -2,17 +2,20 @@
 
 import numpy as np
 import pytest
+from entries import entry
 from scene_parts import FLOOR, make_engine, make_model
 from shapes import box, disc, regular, rod, shaped_engine, shaped_model
 
+from multicor_cli.engine.geometry import outlines
 from multicor_cli.engine.geometry.neighbors import both_ways
-from multicor_cli.engine.geometry.outlines import touch_pieces
 from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, scene_of
 from multicor_cli.engine.motion import correction
 from multicor_cli.engine.motion.correction import mark_again, mark_overlaps, pairs_of, surround
 from multicor_cli.engine.motion.separation import separate
 from multicor_cli.model.shapes import ShapeKind
+
+touch_pieces = entry(outlines.touch_pieces)
 
 # a chain: grain k is near grain k + 1, and the last near a wall
 ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)
