@@ -153,8 +153,9 @@ def _averaged(
         yield "kinetic energy", kinetic
     force, at = run.series("wall_force")[rows], run.series("wall_position")[rows]
     scale = float(np.abs(force[..., :2]).mean(axis=0).max(initial=0.0)) if force.size else 0.0
-    for w, name in enumerate(run.run.wall_names):
-        named = [f"force in {letter} on wall {name}" for letter in "xy"]
+    of = ["the cell"] if run.run.model.is_cell else [f"wall {n}" for n in run.run.wall_names]
+    for w, name in enumerate(of):
+        named = [f"force in {letter} on {name}" for letter in "xy"]
         if run.run.model.is_cell:
             named = [f"stress {component} times the area of the cell" for component in COMPONENTS]
         for axis, what in enumerate(named):
@@ -165,7 +166,7 @@ def _averaged(
     base = float(heights[0, rests].min()) if rests.any() else 0.0
     for w in run.lifted_walls:
         if not rests[w]:
-            yield f"height of wall {run.run.wall_names[w]}", heights[:, w] - base
+            yield f"height of {of[w]}", heights[:, w] - base
 
 
 DRIFT: tuple[Rule[Recorded], ...] = (

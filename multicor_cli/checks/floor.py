@@ -209,7 +209,9 @@ def _escapes(run: Prepared) -> Iterator[Measured]:
         seen.add(down)
         share = escape_share(run.model, run.state.position, run.state.wall_position, gravity)
         if share is not None:
-            about = f"gravity of stage {stage.name}" if len(run.plan.stages) > 1 else ""
+            count = run.model.grain_count
+            about = f"{round(share * count)} of {count}"
+            about += f", gravity of stage {stage.name}" if len(run.plan.stages) > 1 else ""
             yield Measured(share, about)
 
 

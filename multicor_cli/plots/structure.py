@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.style import COLORS, COLUMN, Renderer, Terminal, TextLine, draw_text
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    Renderer,
+    Terminal,
+    TextLine,
+    draw_text,
+    legend_above,
+)
 from multicor_cli.post import PairCorrelation, StructureFactor, VelocityCorrelation, VoronoiTable
 
 _DISTANCE = "distance $r/d$ [–]"
@@ -46,7 +54,7 @@ def _draw_line(
     axes.set_ylabel(upwards)
     axes.set_xlim(0.0, float(at[-1]))
     axes.set_ylim(0.0, 1.05 * max(float(np.nanmax(value + np.nan_to_num(error))), 1.0))
-    axes.legend(loc="upper right")
+    legend_above(axes, 2)
 
 
 def structure_text(table: PairCorrelation, terminal: Terminal) -> str:
@@ -81,7 +89,7 @@ def draw_voronoi(figure: Any, table: VoronoiTable) -> None:
     upper.set_ylim(0.0, None)
     upper.set_xlabel(r"local solid fraction $\nu_i$ [–]")
     upper.set_ylabel(r"probability density $P(\nu_i)$ [–]")
-    upper.legend(loc="upper left")
+    legend_above(upper, 3)
     bars: dict[str, Any] = {"color": COLORS[0], "alpha": 0.6, "ecolor": "0.2", "capsize": 2.0}
     spread = np.nan_to_num(table.share_error) if has_errors else None
     lower.bar(table.sides, table.share, yerr=spread, error_kw={"linewidth": 0.7}, **bars)
@@ -102,7 +110,7 @@ def voronoi_text(table: VoronoiTable, _terminal: Terminal) -> str:
 # ---- Correlation of velocities
 
 _CURVES = {
-    "both": r"$\mathbf{v}\prime$",
+    "both": r"$\mathbf{v}'$",
     "along": "along $x$",
     "across": "along $y$",
     "spin": "spin",
@@ -127,7 +135,7 @@ def draw_correlation(axes: Any, table: VelocityCorrelation) -> None:
     axes.text(0.99 * at[-1], np.exp(-1.0), "1/e", ha="right", va="bottom", fontsize=7.0)
     axes.set_xlabel(_DISTANCE)
     axes.set_ylabel(_CORRELATION)
-    axes.legend(loc="upper right", ncols=2)
+    legend_above(axes, 3)
 
 
 def correlation_text(table: VelocityCorrelation, _terminal: Terminal) -> str:

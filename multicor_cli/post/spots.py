@@ -53,8 +53,8 @@ def spots_of(points: LoadedContacts, model: Model, frame: Frame, pair: NDArray[n
         each = np.arange(points.i.size)
         return Spots(each, each, hertz_radius(model, points.i, points.j), np.zeros(each.size))
     ends, bent = ends_of(points, model, frame), _Bent.of(model.outlines)
-    wall = model.shapes.wall[np.where(points.is_wall, points.j - model.grain_count, 0)]
-    other = np.where(points.is_wall, -1 - wall, pair)
+    other = pair.astype(np.int64)
+    other[points.is_wall] = -1 - model.shapes.wall[points.j[points.is_wall] - model.grain_count]
     keys = np.column_stack([points.i, ends[0].piece, other, ends[1].piece])
     force = np.maximum(points.force[:, 0], 0.0)
     place, first = _places(keys, points.normal, force)

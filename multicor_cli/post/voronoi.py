@@ -415,7 +415,7 @@ def _sums(source: Run, frame: Frame, margin: float, count: int) -> Floats:
     solid, area = model.area[known], cells.area[known]
     neighbors, order = cells.neighbors[known], np.nan_to_num(cells.order()[known])
     fraction = solid / area
-    bin_ = np.minimum((fraction * count).astype(np.int64), count - 1)  # 1 and what rounding adds
+    bin_ = np.minimum((fraction * count).astype(np.int64), count - 1)  # 1, and cut grains
     return np.array([
         inside.size - known.size, known.size, fraction.sum(), (fraction**2).sum(), solid.sum(),
         area.sum(), neighbors.sum(), np.abs(order).sum(), np.abs(order.sum()),

@@ -220,6 +220,10 @@ def faults_of_columns(values: Sequence[Sequence[float]]) -> Iterator[Refused]:
     """What is wrong with outlines: the columns grain, ring (which may be empty), x and y."""
     grain, ring, x, y = values
     rows = len(grain)
+    if not (rows or x or y or ring):
+        remedy = "give file, or grain, x and y of each corner"
+        yield Refused((), "no outlines are given", remedy)
+        return
     if rows == 0 or (len(x), len(y), len(ring) or rows) != (rows, rows, rows):
         what = f"{len(x)} x and {len(y)} y for {rows} corners"
         what += f" with {len(ring)} rings" if ring else ""

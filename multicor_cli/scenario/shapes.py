@@ -159,7 +159,8 @@ _CENTER = "center of mass in the unit of the corners, with gyration; default: th
 
 
 THINNEST = 0.01
-"""Least area of a grain, over the square of its reach: what is thinner falls through others."""
+"""Least area of a grain, over the square of its reach from the center of that area: what is thinner
+falls through others."""
 
 _DIRECTIONS = 720
 """In which a center of mass is looked for beyond all that a grain has: every half degree."""
@@ -168,10 +169,10 @@ _DIRECTIONS = 720
 def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[Refused]:
     """What is wrong with outlines that are thin, and a center of mass that is given."""
     forms = shape.forms(np.zeros((1, 0)))
-    area, places = shape._of_area(forms).area, shape.measures(forms).center
+    found = shape._of_area(forms)
     for k, form in enumerate(forms):
-        reach = _reach(form, places[k])
-        share = float(area[k]) / (reach * reach)
+        reach = _reach(form, found.center[k])
+        share = float(found.area[k]) / (reach * reach)
         if share < THINNEST:
             which = f"grain {k + 1} of the outlines" if len(forms) > 1 else "the outline"
             what = f"{which} has an area of {share:.1e} times the square of its reach"

@@ -23,13 +23,15 @@ from multicor_cli.text import count_noun
 @dataclass(frozen=True)
 class Location:
     """A place: its path, the models' text on the last known key (or none), the model of its table,
-    and those of all kinds of table that might stand there, if there are several.
+    and those of all kinds of table that might stand there, if there are several; kinds of tables
+    that might stand in place of a word.
     """
 
     path: KeyPath
     description: str
     table: type[BaseModel]
     kinds: tuple[type[BaseModel], ...] = ()
+    instead: tuple[str, ...] = ()
 
     @property
     def known_keys(self) -> list[str]:
@@ -53,23 +55,27 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
     path: list[str | int] = []
     description, table = "", model
     kinds: tuple[type[BaseModel], ...] = ()
+    instead: tuple[str, ...] = ()
     annotation: Any = model
     for part in location:
         annotation = _strip(annotation)
         member = _union_member(annotation, part)
         if member is not None:
             kinds = tuple(each for each in map(_strip, _members(annotation)) if _kind_of(each))
+            found = () if kinds else map(_kind_of, _alternatives(annotation))
+            instead = tuple(kind for kind in found if kind)
             annotation = member
             continue
         if part == "[key]":
             continue
+        instead = ()
         path.append(part)
         if _is_table(annotation):
             table = annotation
             field = find_field(table, str(part))
             description = (field.description or "") if field else description
         annotation = _inside(annotation, part)
-    return Location(tuple(path), description, table, kinds if table in kinds else ())
+    return Location(tuple(path), description, table, kinds if table in kinds else (), instead)
 
 
 def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
@@ -316,6 +322,9 @@ def _not_one_of(place: Location, error: ErrorDetails) -> Refused:
     one, use = ("one of ", "one of them") if len(choices) > 1 else ("", "it")
     remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
     what = f"{show(value)} is not {one}{name_list(choices)}"
+    if place.instead and path == place.path:
+        is_kind = value in place.instead
+        remedy = f'write {{ kind = "{value}", … }}' if is_kind else remedy or place.expected
     return Refused(path, what, remedy or f"use {use}")
 
 

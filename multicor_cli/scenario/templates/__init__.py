@@ -20,8 +20,11 @@ COOKBOOK = (
     "rods",
     "conductivity",
     "flash-heating",
+    "polygons",
+    "arch",
+    "clumps",
 )
-"""Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md)."""
+"""Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md, shapes.md)."""
 
 TEMPLATES = ("shear", "column", "hopper", "drum", *COOKBOOK)
 """Names of the templates."""

@@ -16,7 +16,7 @@ from scenes import HEATED, LASTING, PACKED, SMALL, WARM, changed, write_small
 
 import multicor_cli as multicor
 from multicor_cli.checks import OF_RUN, Recorded, Verdict, judge_all, resolution, worst_verdict
-from multicor_cli.checks.books import relative_drift
+from multicor_cli.checks.books import _averaged, relative_drift
 from multicor_cli.store import open_run, run_info
 
 OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
@@ -268,12 +268,27 @@ def test_gravity_is_that_of_the_stage(tmp_path):
     )
     path = write_small(tmp_path, text.replace("\n[solver]", tilt + "\n[solver]"))
     before = by_name(multicor.check_scenario(path))["grains without a floor"]
-    assert (before.value, "tilt" in before.text) == (1.0, True)
+    assert "(200 of 200, gravity of stage tilt)" in before.text
     ran(tmp_path, path)
     with open_run(tmp_path / "run") as run:
         recorded = Recorded(run, run_info(tmp_path / "run"))
         np.testing.assert_allclose(recorded.gravity, [9.81, 0.0], atol=1e-12)
         assert recorded.largest_gravity == pytest.approx(9.81)
+
+
+def test_a_cell_is_no_wall_in_what_drifts():
+    rows = np.arange(50)
+    position = np.tile([2.0, 1.0, 0.0], (50, 1, 1)) * (1.0 + 0.01 * rows)[:, None, None]
+    series = {
+        "kinetic": np.ones(50), "wall_force": np.ones((50, 1, 3)), "wall_position": position
+    }  # fmt: skip
+    of_run = SimpleNamespace(wall_names=["cell"], model=SimpleNamespace(is_cell=True))
+    book = {"terms": 1.0}.__getitem__
+    run = SimpleNamespace(run=of_run, series=series.__getitem__, book=book, lifted_walls=[0])
+    names = [name for name, _ in _averaged(run, rows)]
+    assert names[0] == "kinetic energy"
+    assert names[-1] == "height of the cell"
+    assert not any("wall" in name for name in names)
 
 
 def test_drift_of_a_series():

@@ -164,6 +164,17 @@ def test_fields_of_shapes(shaped, drawn):
         drawn(post.force_network(run))
 
 
+def test_no_legend_of_a_function_lies_on_its_curve(column, drawn):
+    """A curve may be high anywhere: g at its peaks, C where all grains move together."""
+    for table in (
+        post.pair_correlation(column, ALL, 1.0, margin=0.0),
+        post.voronoi(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
+        post.correlation(column, ALL, 1.0, margin=0.0),
+    ):
+        axes = drawn(table).axes[0]
+        assert not axes.get_legend().get_window_extent().overlaps(axes.get_window_extent())
+
+
 def test_times_late_in_a_run_do_not_lie_over_each_other(drawn):
     """Of a short flow after a long soak: 200.055 s, 200.060 s, …"""
     table = post.conductivity(square_of_discs(np.linspace(3e-5, 5e-5, 29)), ALL)

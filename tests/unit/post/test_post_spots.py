@@ -45,8 +45,9 @@ def sliding(grains, rows, *, angle=0.0, walls=FLOOR, rest=()):
     made.slip = np.full(len(rows), SLIP)
     made.sliding[list(rest)] = False
     frame = shaped_frame(
-        np.zeros((len(grains), 2)), angle, walls=1, contacts=made,
-        temperature=np.full(len(grains), 300.0), wall_temperature=np.array([np.nan]),
+        np.zeros((len(grains), 2)), angle, walls=len(model.walls.names), contacts=made,
+        temperature=np.full(len(grains), 300.0),
+        wall_temperature=np.full(len(model.walls.names), np.nan),
     )  # fmt: skip
     return source_of(model, [frame], scenario_resolved=STEEL)
 
@@ -78,11 +79,16 @@ def test_a_rounded_corner_is_a_sphere_of_its_rounding():
     assert (table.contacts, table.sharp) == (1, 0)
 
 
-def test_caps_of_rods_on_each_other_and_on_a_side():
+@pytest.mark.parametrize("walls", [FLOOR, ()])
+def test_caps_of_rods_on_each_other(walls):
+    """Beside a floor, and where no shape of a wall is."""
     ends = [(0, 1, (0.7, 0.0), (-1.0, 0.0), 2.0)]
-    table = post.hot_spots(sliding([[rod(1.0, 0.2)]] * 2, ends), ALL)
+    table = post.hot_spots(sliding([[rod(1.0, 0.2)]] * 2, ends, walls=walls), ALL)
     assert table.mean["radius"] == pytest.approx(hertz(0.1, 2.0))
     assert table.mean["rise_max"] == pytest.approx(rise(hertz(0.1, 2.0), 2.0, 2))
+
+
+def test_a_cap_of_a_rod_on_the_side_of_another():
     # the upper one stands on the other, which lies
     source = sliding(
         [[rod(1.0, 0.2)]] * 2, [(0, 1, (0.0, -0.7), DOWN, 2.0)], angle=np.array([pi / 2.0, 0.0])

@@ -31,7 +31,10 @@ BOX = [(1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (1.0, 2.0, 1.0), (1.0, 0.0, 1.0)]
 # shape, further keys of the group, key below the group, words that the message must have
 MISTAKES = {
     "unknown shape": ({"kind": "hexagon"}, {}, "shape.kind", "'polygon'"),
-    "no word": ("disk", {}, "shape", "'disc', 'sphere'"),
+    "no word": ("disk", {}, "shape", "'disc', 'sphere'", "mean 'disc'"),
+    "kind in place of its table": ("ellipse", {}, "shape", "'disc', 'sphere'", 'write { kind = "ellipse", … }'),
+    "word of no kind": ("square", {}, "shape", "'disc', 'sphere'", 'as { kind = "polygon", sides = 5 }'),
+    "number": (5, {}, "shape", "5 is not one of", 'as { kind = "polygon", sides = 5 }'),
     "key of another shape": ({"kind": "rod", "aspect": 2.0, "sides": 3}, {}, "shape.sides", 'unknown key of kind = "rod"', "'polygon', 'ellipse'"),
     "key of one other shape": ({"kind": "ellipse", "aspect": 2.0, "irregular": 0.1}, {}, "shape.irregular", "belongs to 'polygon'"),
     "misspelled key": ({"kind": "polygon", "sides": 5, "iregular": 0.1}, {}, "shape.iregular", "'irregular'"),
@@ -65,7 +68,7 @@ MISTAKES = {
     "rings that lack": ({**drawn(BOX), "ring": [0, 1]}, {}, "shape", "4 corners with 2 rings"),
     "outline with two corners": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0)]), {}, "shape.grain", "grain 2: less than three corners are left", "a third corner"),
     "outline in two parts": (drawn([*BOX, (2.0, 0, 0), (1.0, 4, 0)]), {}, "shape.grain", "grain 1 follows 2"),
-    "no outline": ({"kind": "file"}, {}, "shape", "0 corners", "or file"),
+    "no outline": ({"kind": "file"}, {}, "shape", "no outlines are given", "give file"),
     "no mass": ({**FIVE, "solid": 0.0}, {}, "shape.solid", "greater than 0"),
     "much inertia": ({**FIVE, "gyration": 1.1}, {}, "shape.gyration", "at most 1"),
     "inertia of a disc": ({"kind": "rod", "aspect": 1.0, "gyration": 0.9}, {}, "shape.gyration", "½ m r²"),
@@ -73,6 +76,7 @@ MISTAKES = {
     "drawn sliver": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0), (2.0, 4, 1e-3)]), {}, "shape", "grain 2 of the outlines has an area of"),
     "center outside": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [0.4, 1.6], "gyration": 0.5}, {}, "shape.center", "within"),
     "center within the box around a triangle": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [0.1, 0.9], "gyration": 0.5}, {}, "shape.center", "convex hull"),
+    "center far outside": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [5, 5], "gyration": 0.5}, {}, "shape.center", "within"),
     "center of a regular polygon": ({**FIVE, "center": [0, 0], "gyration": 0.5}, {}, "shape.center", "give vertices"),
     "center without inertia": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [0, 1]], "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
     "center of a clump without inertia": ({**clump({"center": [0, 0], "radius": 1.0}, {"center": [1, 0], "radius": 1.0}), "center": [0.2, 0.2]}, {}, "shape.center", "gyration too"),
