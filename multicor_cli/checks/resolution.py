@@ -234,7 +234,10 @@ _ONE_TEMPERATURE = (
     "Biot number of the contacts, H/(λ a): the resistance inside a grain over that of a contact. "
     "A grain has one temperature here, which is questionable above 0.1 and wrong above 1."
 )
-_LOWER_BIOT = "Read temperatures as means over grains; benchmarks/lattice14 measures the error."
+_LOWER_BIOT = (
+    "Read temperatures as means over grains; benchmarks/lattice14 measures the error. Sides that "
+    'lie on each other conduct far more than points: real ones are rough (conduction = "rough").'
+)
 
 RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule(

@@ -174,6 +174,7 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
 
 
 def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
+    from multicor_cli.running.estimate import compilation
     from multicor_cli.scenario.problems import show
 
     scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
@@ -213,7 +214,7 @@ def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
         return
     peak = f"{format_bytes(cost.disk_peak)} while results.h5 is made"
     yield "disk", f"about {format_bytes(cost.disk)}, {peak}"
-    first = "half a minute of compilation the first time"
+    first = f"{compilation(model)} of compilation the first time"
     yield "wall time", f"about {console.format_seconds(cost.seconds)}, and {first}"
 
 

@@ -20,8 +20,8 @@ _NUMBERS = {
     "flow_mean": "mean heat flow of a contact, without sign [W]",
     "flow_max": "largest heat flow of a contact [W]",
     "strongest_share": "share of the strongest 10 % in the sum of flows",
-    "from_walls": "heat flow from walls into grains [W]",
-    "to_walls": "heat flow from grains into walls [W]",
+    "from_walls": "heat flow from walls into grains, net of each [W]",
+    "to_walls": "heat flow from grains into walls, net of each [W]",
 }
 HEAT_SUMMARY = tuple(_NUMBERS)
 """Names of the numbers of a whole network."""

@@ -104,6 +104,11 @@ BUFFER = 64e6
 """Frames that wait to be written take up to this much, or one frame [bytes]."""
 
 
+def compilation(model: Model) -> str:
+    """How long the kernels compile if none are kept, in words; those of outlines are as many."""
+    return "half a minute" if model.outlines is None else "a minute"
+
+
 @dataclass(frozen=True)
 class Estimate:
     """What a run will cost; None where the number of steps is not known.

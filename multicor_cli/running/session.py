@@ -22,6 +22,7 @@ from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing import Placed, place
 from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
+from multicor_cli.running.estimate import compilation
 from multicor_cli.running.from_scenario import heat_settings, inflow_rules, make_plan, stage_names
 from multicor_cli.running.machine import keep_freed_memory, shared_compilation
 from multicor_cli.running.outcome import (
@@ -270,9 +271,8 @@ class Session:
                 parts[-1] += f" of the {self.threads} allowed"
             self.observer.message(", ".join(parts))
             if self._compiles:
-                self.observer.message(
-                    "compiling the kernels; this happens once and takes about half a minute"
-                )
+                once = f"this happens once and takes about {compilation(model)}"
+                self.observer.message(f"compiling the kernels; {once}")
             self.stop_signals.on_exit = functools.partial(
                 self._leave, directory=directory, state=state
             )

@@ -176,7 +176,7 @@ def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[R
         if share < THINNEST:
             which = f"grain {k + 1} of the outlines" if len(forms) > 1 else "the outline"
             what = f"{which} has an area of {share:.1e} times the square of its reach"
-            yield Refused((), what, f"give it more width: at least {THINNEST}")
+            yield Refused((), what, f"make it wider or shorter: at least {THINNEST}")
     if center is None:
         return
     if shape.gyration is None:  # mass is not as the area

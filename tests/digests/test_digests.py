@@ -25,6 +25,7 @@ FOREIGN = (
     "sizes-lognormal-mass", "sizes-power-number", "sizes-uniform-mass",
     "law-rough-drum", "law-moving-walls", "law-friction-of-temperature",
     "law-heat-everything-implicit", "law-heat-of-impacts",
+    "law-shapes",
 )  # fmt: skip
 """Cases for the other machine: every elementary function and kind of law. `machines.py` takes all
 cases."""

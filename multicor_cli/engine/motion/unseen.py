@@ -153,10 +153,10 @@ def _name_caught(model: Model, paths: Paths, grain: int, shape: int, time: float
     n = model.grain_count
     other = paths.motion[shape] if shape < n else model.shapes.wall[shape - n]
     first, second = model.walls.names[paths.motion[grain]], model.walls.names[other]
+    steps = f"steps of at most {2.0 * time:.3g} s" if time > 0.0 else "far shorter steps"
     return (
         f"{model.name_of(grain)} is caught between the walls '{first}' and '{second}' in the "
-        f"first half of a step; take steps of at most {2.0 * time:.3g} s, or let the walls begin "
-        "more slowly"
+        f"first half of a step; take {steps}, or let the walls begin more slowly"
     )
 
 
