@@ -276,6 +276,27 @@ def test_a_box_comes_to_rest_in_the_corner_of_a_line(place, gravity, step):
     assert tally(state, "max_overlap") <= 1e-3
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+@pytest.mark.parametrize("push", [1e-3, 3.0])
+def test_both_ends_of_a_side_stand_in_the_corner_of_a_line(push, angle):
+    """Without friction the wall bears what pushes, and both ends of the floor half of the weight."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s], [-s, c]])
+    line = wall_line(np.array([[0.0, 2.0], [0.0, 0.0], [2.0, 0.0]]) @ turn)
+    gravity = np.array([-push, -9.0]) @ turn
+    model = shaped_model([[(box(0.2, 0.2), 0.0)]], line, friction=0.0, gravity=gravity)
+    place = np.array([0.1, 0.1]) @ turn
+    engine = shaped_engine(model, [[*place, angle]])
+    state = advance(engine, 1e-3, 300)
+    assert state.position[0] == pytest.approx([*place, angle], abs=1e-7)
+    table = engine.contacts()
+    force = table.impulse[:, 0] / (1e-3 * model.grains.mass[0])
+    wall, floor = (force[table.j == shape] for shape in (1, 2))
+    assert wall.sum() == pytest.approx(push, abs=1e-6)
+    assert floor.sum() == pytest.approx(9.0, abs=1e-6)
+    assert floor == pytest.approx([4.5, 4.5], abs=0.5 * push + 1e-6)  # the wall may turn it back
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.3, 0.4995])
 def test_a_tip_that_meets_a_side_hits_it(offset):
     """With 2/(2/m + l²/I), off its middle too and near its end."""

@@ -112,11 +112,11 @@ def _share_among(
             continue
         x, y = other.own_x - one.own_x, other.own_y - one.own_y
         cosine = other.nx * one.nx + other.ny * one.ny
-        # Sides that meet at a corner are places of their own, as for discs
-        there += abs(x) + abs(y) <= near and cosine >= 1.0 - RISE
-        is_along = cosine > 0.0 and abs(other.nx * one.ny - other.ny * one.nx) < LEAN
         along = y * one.nx - x * one.ny
         is_level = other.gap - one.gap <= near + LEAN * abs(along)  # not over a ledge behind it
+        # Sides that meet at a corner are places of their own, as for discs
+        there += is_level and abs(x) + abs(y) <= near and cosine >= 1.0 - RISE
+        is_along = cosine > 0.0 and abs(other.nx * one.ny - other.ny * one.nx) < LEAN
         theirs = pieces_of_key(pieces, scene, other.i, other.j, other.key)[0]
         if is_along and is_level and theirs == mine:
             is_before, is_after = is_before or along < -near, is_after or along > near

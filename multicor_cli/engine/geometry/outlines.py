@@ -39,6 +39,9 @@ LEAN = 1e-6
 """How far, as a sine, the normal at a corner of a wall may lie outside of those of both sides: the
 corner of a flush joint is no obstacle to what slides towards it."""
 
+_FLAT = 0.999
+"""Cosine of the angle between a line and an edge from which on the edge lies on it."""
+
 
 # ---- Two pieces
 
@@ -308,10 +311,25 @@ def _touch_corner(
 
 
 @subroutine
+def is_of_corner(pieces: Pieces, b: int, point: Point) -> bool:
+    """Whether a point of the line b is that of the corner at its end.
+
+    In a concave corner nothing touches that: what lies there does so on the ends of both lines.
+    """
+    start, corner = pieces.start[b], pieces.corner
+    if point.corner < start:
+        return False
+    x, y = corner[start + 1, X] - corner[start, X], corner[start + 1, Y] - corner[start, Y]
+    side, length = x * point.ny - y * point.nx, sqrt(x * x + y * y)  # the left one is positive
+    is_flat = abs(side) > _FLAT * length
+    return not (is_flat and pieces.turn[point.corner] * side > LEAN * length)
+
+
+@subroutine
 def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tuple[Point, Point]:
     """Points of a piece of a grain and a wall shape; levers of j lead from its reference point.
 
-    Corners of walls are shapes of their own: lines have no points there.
+    Corners of walls are shapes of their own: lines have no points there, but in concave ones.
     """
     kind, wall, world = scene.kind[shape], scene.wall[shape], scene.world
     x, y = scene.position[i, X], scene.position[i, Y]
@@ -330,8 +348,8 @@ def touch_wall(pieces: Pieces, scene: Scene, i: int, a: int, shape: int) -> tupl
         first, second = touch(pieces, a, b, dx + at_x, y)
         at_x, at_y = 0.0, 0.0  # its corners are in the world
         if kind in (_SEGMENT, _SIDE):
-            first = first if first.corner < pieces.start[b] else NOWHERE
-            second = second if second.corner < pieces.start[b] else NOWHERE
+            first = NOWHERE if is_of_corner(pieces, b, first) else first
+            second = NOWHERE if is_of_corner(pieces, b, second) else second
         elif kind == _VERTEX:
             first = _touch_corner(pieces, scene, a, shape, dx, dy, first)
     at_x -= scene.wall_position[wall, X]

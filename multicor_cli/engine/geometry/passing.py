@@ -13,6 +13,7 @@ from multicor_cli.engine.geometry.outlines import (
     NOWHERE,
     Point,
     between,
+    is_of_corner,
     is_outside,
     moved,
     swapped,
@@ -172,8 +173,8 @@ def touch_passing(
     if found.nx == first.nx and found.ny == first.ny:
         return first, second
     is_line = shape >= 0 and scene.kind[shape] in (_SEGMENT, _SIDE)
-    if is_line and found.corner >= pieces.start[met]:
-        return NOWHERE, NOWHERE  # its ends are shapes of their own
+    if is_line and is_of_corner(pieces, met, found):
+        return NOWHERE, NOWHERE
     return found, NOWHERE
 
 

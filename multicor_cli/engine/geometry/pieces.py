@@ -16,14 +16,14 @@ from multicor_cli.arithmetic import cos, sin
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.model.columns import ANGLE, RADIUS, TAIL_X, TAIL_Y, X, Y
-from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.model import Floats, Ints, Model, WallShapes
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import ShapeKind
 
 NORMAL_X, NORMAL_Y = 2, 3
 """Columns of corners: outward normal of the edge to the next one."""
 
-_DISC = int(ShapeKind.DISC)
+_DISC, _VERTEX = int(ShapeKind.DISC), int(ShapeKind.VERTEX)
 _CORNERS = {
     ShapeKind.PLANE: 0, ShapeKind.CIRCLE: 0, ShapeKind.VERTEX: 1, ShapeKind.DISC: 1,
     ShapeKind.SEGMENT: 2, ShapeKind.SIDE: 2,
@@ -41,6 +41,8 @@ class Pieces(NamedTuple):
         rounding: How far each piece reaches beyond its core [m], shape ``(p,)``.
         spin: σ, by which spins are speeds σω [m], shape ``(n,)`` (`Model.spin_radius`).
         is_face: Which grains are no discs, shape ``(n,)``.
+        turn: By which angle walls turn at the ends of their lines, as a sine that is positive to
+            the left, shape ``(v,)``; 0 for grains, and where nothing follows.
     """
 
     piece: Ints
@@ -49,6 +51,7 @@ class Pieces(NamedTuple):
     rounding: Floats
     spin: Floats
     is_face: NDArray[np.bool_]
+    turn: Floats
 
 
 def pieces_of(model: Model) -> Pieces | None:
@@ -57,7 +60,23 @@ def pieces_of(model: Model) -> Pieces | None:
         return None
     kind = model.shapes.kind
     wide = np.where(kind == _DISC, model.shapes.geometry[:, RADIUS], 0.0)
-    return pieces_with(model.outlines, kind, wide, model.spin_radius)
+    pieces = pieces_with(model.outlines, kind, wide, model.spin_radius)
+    _note_turns(model.shapes, model.grain_count, pieces)
+    return pieces
+
+
+def _note_turns(shapes: WallShapes, grains: int, pieces: Pieces) -> None:
+    """Enter ``turn``, **modified**, of the lines that meet at corners of walls."""
+    x, y, u, v = shapes.geometry.T
+    at = shapes.geometry[shapes.kind == _VERTEX, 2:].astype(np.int64)
+    before, after = at[(at >= 0).all(axis=1)].T
+    dx, dy = u - x, v - y
+    length = np.sqrt(dx * dx + dy * dy)
+    turn = dx[before] * dy[after] - dy[before] * dx[after]
+    first = pieces.start[pieces.piece[grains:-1]]
+    pieces.turn[first[before] + 1] = pieces.turn[first[after]] = turn / (
+        length[before] * length[after]
+    )
 
 
 def pieces_with(outlines: Outlines, kind: Ints, wide: Floats, spin: Floats) -> Pieces:
@@ -75,6 +94,7 @@ def pieces_with(outlines: Outlines, kind: Ints, wide: Floats, spin: Floats) -> P
         np.concatenate([outlines.rounding, wide[corners > 0]]),
         spin,
         ~outlines.is_disc,
+        np.zeros(len(corner)),
     )
 
 

@@ -404,12 +404,14 @@ def test_a_side_holds_at_the_edge_of_a_ledge(beyond, factor):
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
-def test_a_wall_beside_a_side_takes_nothing_of_what_holds_it(factor):
+@pytest.mark.parametrize("is_line", [False, True])
+def test_a_wall_beside_a_side_takes_nothing_of_what_holds_it(is_line, factor):
     """A square that touches a wall with its side bears 2 F_a below a ceiling, too."""
     shapes = [*CEILING, (ShapeKind.PLANE, 1, (-0.1, 0.0, 1.0, 0.0))]
-    model = shaped_model(
-        [SQUARE], shapes, ("ceiling", "wall"), adhesion=1.0, reach=REACH, friction=0.0
-    )
+    walls = ("ceiling", "wall")
+    if is_line:
+        shapes, walls = wall_line([[2.0, 1.0], [-0.1, 1.0], [-0.1, -2.0]]), ("both",)
+    model = shaped_model([SQUARE], shapes, walls, adhesion=1.0, reach=REACH, friction=0.0)
     load = factor * 2.0 / model.grains.mass[0]
     model = replace(model, gravity=np.array([0.0, -load]))
     state = advance(shaped_engine(model, [[0.0, 0.9]]), 4e-4, 300)
