@@ -185,8 +185,10 @@ def _faults_of_form(shape: GrainShape, center: Coordinates | None) -> Iterator[R
     around = Outlines.of(forms, _ONE, _ONE)
     r = np.repeat(around.rounding, np.diff(around.start))
     angles = [2.0 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
-    ways = np.array([[cos(angle) for angle in angles], [sin(angle) for angle in angles]])
-    if (np.array(center) @ ways > (around.corner @ ways + r[:, np.newaxis]).max(axis=0)).any():
+    c, s = (np.array([of(angle) for angle in angles]) for of in (cos, sin))
+    x, y = around.corner.T[..., np.newaxis]
+    highest = (x * c + y * s + r[:, np.newaxis]).max(axis=0)
+    if (center[0] * c + center[1] * s > highest).any():
         what = f"no mass within the outline has its center at {list(center)}"
         remedy = "give a point of its convex hull, in the unit of the corners"
         yield Refused(("center",), what, remedy)

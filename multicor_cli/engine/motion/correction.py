@@ -404,6 +404,21 @@ def correct_positions(
     return Correction(overlap, work, motion.shift_work(before, shift), rounds)
 
 
+@kernel
+def _worst_pair(
+    scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints,
+    marked: NDArray[np.bool_],
+) -> tuple[int, int]:  # fmt: skip
+    """The pair of a marked grain in whose row it is that overlaps most."""
+    worst, first, second = -np.inf, 0, 0
+    for i in range(marked.size):
+        for p in range(row[i], row[i + 1] if marked[i] else row[i]):
+            depth = _overlap(scene, pieces, i, partner[p])
+            if depth > worst:
+                worst, first, second = depth, i, partner[p]
+    return first, second
+
+
 def _name_overlap(
     scene: Scene,
     pieces: Pieces | None,
@@ -412,13 +427,7 @@ def _name_overlap(
     marked: NDArray[np.bool_],
     overlap: float,
 ) -> str:
-    worst, pair = -1.0, (0, 0)
-    for i in np.flatnonzero(marked).tolist():
-        for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():
-            depth = _overlap(scene, pieces, i, j)
-            if depth > worst:
-                worst, pair = depth, (i, j)
-    i, j = pair
+    i, j = _worst_pair(scene, pieces, lists.row, lists.partner, marked)
     n = model.grain_count
     why = "too many grains between prescribed walls?"
     if model.expansion.size:

@@ -72,7 +72,7 @@ MISTAKES = {
     "no mass": ({**FIVE, "solid": 0.0}, {}, "shape.solid", "greater than 0"),
     "much inertia": ({**FIVE, "gyration": 1.1}, {}, "shape.gyration", "at most 1"),
     "inertia of a disc": ({"kind": "rod", "aspect": 1.0, "gyration": 0.9}, {}, "shape.gyration", "½ m r²"),
-    "sliver": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1e-3]]}, {}, "shape", "the outline has an area of", "more width"),
+    "sliver": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1e-3]]}, {}, "shape", "the outline has an area of", "wider or shorter"),
     "drawn sliver": (drawn([*BOX, (2.0, 0, 0), (2.0, 4, 0), (2.0, 4, 1e-3)]), {}, "shape", "grain 2 of the outlines has an area of"),
     "center outside": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [0.4, 1.6], "gyration": 0.5}, {}, "shape.center", "within"),
     "center within the box around a triangle": ({"kind": "polygon", "vertices": [[0, 0], [1, 0], [1, 1]], "center": [0.1, 0.9], "gyration": 0.5}, {}, "shape.center", "convex hull"),
