@@ -21,12 +21,7 @@ from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.contact.faces import FacePairs, pieces_of_key, rows_of_faces
 from multicor_cli.engine.geometry.outlines import LEAN, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces
-from multicor_cli.engine.geometry.places import (
-    RISE,
-    find_places,
-    met_before,
-    totals_of_places,
-)
+from multicor_cli.engine.geometry.places import RISE, find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula

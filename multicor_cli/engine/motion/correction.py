@@ -409,7 +409,7 @@ def _worst_pair(
     scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints,
     marked: NDArray[np.bool_],
 ) -> tuple[int, int]:  # fmt: skip
-    """The pair of a marked grain in whose row it is that overlaps most."""
+    """The pair that overlaps most, of those that are listed with marked grains."""
     worst, first, second = -np.inf, 0, 0
     for i in range(marked.size):
         for p in range(row[i], row[i + 1] if marked[i] else row[i]):
