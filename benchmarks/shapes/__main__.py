@@ -155,7 +155,7 @@ _COUNTS = 3
 _COLUMNS = (
     "circles near, a grain", "pairs near, a grain", "sweeps",
     "before the solve, a near pair, over discs", "of it finding them",
-    "a step, a grain, over discs",
+    "a sweep, a point, over discs", "a step, a grain, over discs",
 )  # fmt: skip
 
 
@@ -163,11 +163,12 @@ def _round(flow: Flow, steps: int) -> list[float]:
     """Values of `_COLUMNS`, those from the fourth on as times [s]."""
     engine = flow.engine
     before, seconds, sweeps = dict(engine.timers), *flow.advance(steps)
-    spent = {name: (engine.timers[name] - before[name]) / steps for name in BEFORE_SOLVE}
-    near = engine.state.near_i.size
+    spent = {name: (now - before[name]) / steps for name, now in engine.timers.items()}
+    near, points = engine.state.near_i.size, engine.contacts().i.size
     return [
         circles_near(engine) / flow.grains, near / flow.grains, sweeps / steps,
-        sum(spent.values()) / near, spent["detect"] / near, seconds / (steps * flow.grains),
+        sum(spent[name] for name in BEFORE_SOLVE) / near, spent["detect"] / near,
+        spent["solve"] * steps / (sweeps * points), seconds / (steps * flow.grains),
     ]  # fmt: skip
 
 

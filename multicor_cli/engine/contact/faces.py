@@ -57,7 +57,7 @@ from multicor_cli.engine.geometry.pieces import Pieces, are_convex, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.arrays import aligned
-from multicor_cli.engine.jit.compile import kernel, subroutine
+from multicor_cli.engine.jit.compile import inlined, kernel, subroutine
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     BIAS,
@@ -151,7 +151,7 @@ def make_room(pieces: Pieces, i: Ints, j: Ints, room: Ints) -> tuple[Ints, Ints,
     return np.repeat(i, room), np.repeat(j, room), faces
 
 
-@subroutine
+@inlined
 def point_key(
     pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, corner: np.int64
 ) -> int:
@@ -191,7 +191,7 @@ def _piece_with(pieces: Pieces, body: int, corner: int) -> int:
 # ---- The points of a step
 
 
-@subroutine
+@inlined
 def _enter_point(
     c: int, point: Point, key: int, scene: Scene, pieces: Pieces, laws: ContactLaws,
     start: Floats, dt: float, stopped: NDArray[np.bool_], contacts: Contacts,
@@ -253,36 +253,16 @@ def begin_faces(
     """
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    lacking, beyond = 0.0, np.full(faces.first.size, inf)
+    lacking, beyond = 0.0, np.empty(faces.first.size)
     speed, rms = _fastest_of(scene, pieces, start, free, faces)
     least = max(least, STRUCK * dt * rms)
     for f in range(faces.first.size):
-        base, room, i, j = faces.first[f], faces.room[f], faces.i[f], faces.j[f]
-        far = max(least, ahead * speed[f])
-        for k in range(room):
-            contact = contacts[base + k]
-            known_key[k], known[k, NORMAL], known[k, TANGENTIAL] = (
-                contact.key, ratio * contact.p_n, ratio * contact.p_t,
-            )  # fmt: skip
-            contact.p_n, contact.p_t, contact.gap, contact.key = 0.0, 0.0, inf, -1
-        found = 0
-        first, last = pieces_met(pieces, scene, j)
-        graze = SUNK * smaller_of(scene, i, j)
-        for a in range(pieces.piece[i], pieces.piece[i + 1]):
-            for b in range(first, last):
-                for point in touch_passing(pieces, scene, i, a, j, b, start, dt, graze):
-                    if point.gap <= far and found == room:
-                        lacking = max(lacking, far)
-                    elif point.gap <= far:
-                        key = point_key(pieces, scene, i, a, j, b, point.corner)
-                        _enter_point(
-                            base + found, point, key, scene, pieces, laws, start, dt, stopped,
-                            contacts,
-                        )  # fmt: skip
-                        found += 1
-                    else:
-                        beyond[f] = min(beyond[f], point.gap)
-        _hand_on(base, found, known_key[:room], known[:room], contacts)
+        base, far = faces.first[f], max(least, ahead * speed[f])
+        found, beyond[f], is_full = _fill_pair(
+            f, far, scene, pieces, laws, start, dt, ratio, faces, stopped, known_key, known,
+            contacts,
+        )  # fmt: skip
+        lacking = max(lacking, far) if is_full else lacking
         for k in range(found):
             contact = contacts[base + k]
             u_n, u_t = contact.u_n, contact.u_t
@@ -291,12 +271,49 @@ def begin_faces(
                 closing += 1.0
             elif contact.p_n == 0.0:
                 continue
-            if contact.p_n > 0.0 and j < scene.radius.size:
+            if contact.p_n > 0.0 and contact.j < scene.radius.size:
                 slip += abs(u_t)
                 loaded += 1.0
             motion += sqrt(u_n * u_n + u_t * u_t)
             met += 1.0
     return Speeds(squares, closing, slip, loaded, motion, met), lacking, beyond
+
+
+@inlined
+def _fill_pair(
+    f: int, far: float, scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, dt: float,
+    ratio: float, faces: FacePairs, stopped: NDArray[np.bool_], known_key: NDArray[np.int64],
+    known: Floats, contacts: Contacts,
+) -> tuple[int, float, bool]:  # fmt: skip
+    """Fill the records of a pair with its points up to a gap of ``far`` [m].
+
+    Returns how many there are, the gap of the nearest one that did not count [m], and whether room
+    was lacking. ``known_key`` and ``known`` are work space for the room of a pair.
+    """
+    base, room, i, j = faces.first[f], faces.room[f], faces.i[f], faces.j[f]
+    for k in range(room):
+        contact = contacts[base + k]
+        known_key[k], known[k, NORMAL] = contact.key, ratio * contact.p_n
+        known[k, TANGENTIAL] = ratio * contact.p_t
+        contact.p_n, contact.p_t, contact.gap, contact.key = 0.0, 0.0, inf, -1
+    found, beyond, is_full = 0, inf, False
+    first, last = pieces_met(pieces, scene, j)
+    graze = SUNK * smaller_of(scene, i, j)
+    for a in range(pieces.piece[i], pieces.piece[i + 1]):
+        for b in range(first, last):
+            for point in touch_passing(pieces, scene, i, a, j, b, start, dt, graze):
+                if point.gap > far:
+                    beyond = min(beyond, point.gap)
+                elif found == room:
+                    is_full = True
+                else:
+                    key = point_key(pieces, scene, i, a, j, b, point.corner)
+                    _enter_point(
+                        base + found, point, key, scene, pieces, laws, start, dt, stopped, contacts
+                    )
+                    found += 1
+    _hand_on(base, found, room, known_key, known, contacts)
+    return found, beyond, is_full
 
 
 @kernel
@@ -378,19 +395,20 @@ def _fastest_approach(
     return float(u_n - abs(velocity[j, SURFACE] / pieces.spin[j]) * scene.radius[j])
 
 
-@subroutine
+@inlined
 def _hand_on(
-    base: int, found: int, known_key: NDArray[np.int64], known: Floats, contacts: Contacts
-) -> None:
+    base: int, found: int, room: int, known_key: NDArray[np.int64], known: Floats,
+    contacts: Contacts,
+) -> None:  # fmt: skip
     """Impulses to the points with the same keys; what is left over to the nearest that are new."""
-    for k in range(known_key.size):
+    for k in range(room):
         if known[k, NORMAL] == 0.0:
             continue
         for c in range(base, base + found):
             if contacts[c].key == known_key[k]:
                 contacts[c].p_n, contacts[c].p_t = known[k, NORMAL], known[k, TANGENTIAL] + 0.0
                 known[k, NORMAL] = 0.0
-    for k in range(known_key.size):
+    for k in range(room):
         if known[k, NORMAL] == 0.0:
             continue
         nearest = -1
@@ -424,7 +442,7 @@ def recall_points(
 # ---- To the arrays of the sweep and back
 
 
-@subroutine
+@inlined
 def pack_row(
     g: int, c: int, scene: Scene, contacts: Contacts, belt: Floats, place: Ints, inverse: Floats,
     pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
@@ -525,7 +543,7 @@ def pack_faces(
     return points, (pair[begin:], frame[begin:], lever[begin:], impulse[begin:])
 
 
-@subroutine
+@inlined
 def _fill_block(
     place: int, g: int, pair: Ints, frame: Floats, lever: Floats, is_there: bool, block_pair: Ints,
     block: Floats,
@@ -585,7 +603,7 @@ def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
 # ---- What they lose and exert
 
 
-@subroutine
+@inlined
 def _deepest(
     c: int, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats, dt: float
 ) -> float:

@@ -34,7 +34,7 @@ from multicor_cli.engine.geometry.passing import fastest_points
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
+from multicor_cli.engine.jit.compile import inlined, kernel, parallel_kernel, prange
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
@@ -76,7 +76,7 @@ def fastest_approach(
     return best
 
 
-@subroutine
+@inlined
 def closing_velocity(
     scene: Scene, pieces: Pieces | None, velocity: Floats, i: int, j: int, nx: float, ny: float,
     gap: float,
@@ -144,16 +144,19 @@ def leave_out(row: NDArray[np.int64], partner: Ints, i: Ints, j: Ints) -> tuple[
     return first[:found].copy(), second[:found].copy()
 
 
-@subroutine
+@inlined
 def beside_gap(
     scene: Scene, pieces: Pieces | None, i: int, j: int, cutoff: float
 ) -> tuple[float, float, float]:
     """Gap and normal of a pair, the true gap of grains that are no discs and nearer than that."""
     if pieces is None:
         return pair_geometry(scene, i, j)
-    if not are_faces(pieces, i, j) or circle_gap(scene, i, j) >= cutoff:
+    if not are_faces(pieces, i, j):
         return pair_geometry(scene, i, j)
-    return true_gap(scene, pieces, i, j)
+    apart = circle_gap(scene, i, j)
+    if apart < cutoff:
+        return true_gap(scene, pieces, i, j)
+    return (apart, 0.0, 1.0) if j < scene.radius.size else pair_geometry(scene, i, j)
 
 
 @parallel_kernel

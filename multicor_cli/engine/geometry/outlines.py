@@ -15,16 +15,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, are_faces, pieces_met
+from multicor_cli.engine.geometry.pieces import (
+    NORMAL_X,
+    NORMAL_Y,
+    Pieces,
+    are_convex,
+    are_faces,
+    pieces_met,
+)
 from multicor_cli.engine.geometry.scene import (
     Scene,
     distance_to_shape,
     from_first_end,
+    from_other,
     nearest_image,
     pair_geometry,
-    shortest,
 )
-from multicor_cli.engine.jit.compile import subroutine
+from multicor_cli.engine.jit.compile import inlined, subroutine
 from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import ShapeKind
@@ -73,21 +80,39 @@ class Point(NamedTuple):
 NOWHERE = Point(0.0, 1.0, inf, 0.0, 0.0, 0.0, 0.0, np.int64(-1))
 
 
-@subroutine
-def _widest(
-    corner: Floats, first: int, last: int, other: int, end: int, ox: float, oy: float
-) -> tuple[float, int, int]:
+class Core(NamedTuple):
+    """A piece: its corners are rows ``first`` to ``last`` of `Pieces.corner`, which it exceeds.
+
+    Attributes:
+        first: Its first corner.
+        last: The one after its last.
+        rounding: How far it reaches beyond them [m].
+    """
+
+    first: int
+    last: int
+    rounding: float
+
+
+@inlined
+def core_of(pieces: Pieces, p: int) -> Core:
+    """The core of a piece."""
+    return Core(int(pieces.start[p]), int(pieces.start[p + 1]), pieces.rounding[p])
+
+
+@inlined
+def _widest(corner: Floats, one: Core, other: Core, ox: float, oy: float) -> tuple[float, int, int]:
     """The edge of a core that is farthest from another core, whose center lies (ox, oy) away.
 
     Returns how far [m], below 0 if none separates them; the edge, and the nearest corner.
     """
-    widest, edge, nearest = -inf, first, other
-    if last - first == 1:  # no edge
+    widest, edge, nearest = -inf, one.first, other.first
+    if one.last - one.first == 1:  # no edge
         return widest, edge, nearest
-    for e in range(first, last):
+    for e in range(one.first, one.last):
         nx, ny = corner[e, NORMAL_X], corner[e, NORMAL_Y]
-        least, at = inf, other
-        for v in range(other, end):
+        least, at = inf, other.first
+        for v in range(other.first, other.last):
             height = nx * (ox + corner[v, X] - corner[e, X]) + ny * (
                 oy + corner[v, Y] - corner[e, Y]
             )
@@ -96,6 +121,25 @@ def _widest(
         if least > widest:
             widest, edge, nearest = least, e, at
     return widest, edge, nearest
+
+
+@inlined
+def _facing(corner: Floats, one: Core, other: Core, ox: float, oy: float) -> float:
+    """As the first of `_widest`, of the edge that faces the other core: no more than that [m]."""
+    most, edge, height = -inf, one.first, inf
+    for e in range(one.first, one.last):
+        ahead = corner[e, NORMAL_X] * ox + corner[e, NORMAL_Y] * oy
+        if ahead > most:
+            most, edge = ahead, e
+    px, py, nx, ny = (
+        corner[edge, X],
+        corner[edge, Y],
+        corner[edge, NORMAL_X],
+        corner[edge, NORMAL_Y],
+    )
+    for v in range(other.first, other.last):
+        height = min(height, nx * (ox + corner[v, X] - px) + ny * (oy + corner[v, Y] - py))
+    return height
 
 
 @subroutine
@@ -112,30 +156,30 @@ def between(
 
 @subroutine
 def _seen_from(
-    p: int, edge: int, separation: float, q: int, v: int, ox: float, oy: float, pieces: Pieces
-) -> tuple[Point, Point]:
-    """Points of the piece p, whose ``edge`` is nearest to the corner v of q; i is p here.
+    corner: Floats, one: Core, edge: int, separation: float, other: Core, v: int, ox: float,
+    oy: float,
+) -> tuple[Point, Point]:  # fmt: skip
+    """Points of a core p, whose ``edge`` is nearest to the corner v of another, q; i is p here.
 
     (ox, oy) leads from the center of p to that of q, ``separation`` is the distance of v from the
     line of the edge [m].
     """
-    corner, start = pieces.corner, pieces.start
-    last, other, end = start[p + 1], start[q], start[q + 1]
-    r_p, r_q = pieces.rounding[p], pieces.rounding[q]
+    last, r_p, r_q = one.last, one.rounding, other.rounding
     px, py = corner[edge, X], corner[edge, Y]
     vx, vy = ox + corner[v, X], oy + corner[v, Y]
     nx, ny = corner[edge, NORMAL_X], corner[edge, NORMAL_Y]
     ax, ay, bx, by, gap, key = px, py, vx, vy, separation, np.int64(v)
     second = NOWHERE
-    if last - start[p] == 1:  # two corners alone
+    if last - one.first == 1:  # two corners alone
         nx, ny = vx - px, vy - py
         gap = sqrt(nx * nx + ny * ny)
         nx, ny = (nx / gap, ny / gap) if gap > 0.0 else (0.0, -1.0)
     else:
-        after = edge + 1 if edge + 1 < last else start[p]
+        after = edge + 1 if edge + 1 < last else one.first
         length = (corner[after, Y] - py) * nx - (corner[after, X] - px) * ny
         # Of the two edges at v the one that faces p more, to its other corner w
-        w, before = v + 1 if v + 1 < end else other, v - 1 if v > other else end - 1
+        w = v + 1 if v + 1 < other.last else other.first
+        before = v - 1 if v > other.first else other.last - 1
         ahead = nx * corner[v, NORMAL_X] + ny * corner[v, NORMAL_Y]
         behind = nx * corner[before, NORMAL_X] + ny * corner[before, NORMAL_Y]
         w = w if ahead <= behind else before
@@ -189,15 +233,20 @@ def swapped(point: Point) -> Point:
 
 
 @subroutine
+def _touch(corner: Floats, one: Core, other: Core, dx: float, dy: float) -> tuple[Point, Point]:
+    """As `touch`, of the cores of the two."""
+    of_a, edge_a, far_b = _widest(corner, one, other, -dx, -dy)
+    of_b, edge_b, far_a = _widest(corner, other, one, dx, dy)
+    if of_b > of_a or one.last - one.first == 1:
+        first, second = _seen_from(corner, other, edge_b, of_b, one, far_a, dx, dy)
+        return swapped(first), swapped(second)
+    return _seen_from(corner, one, edge_a, of_a, other, far_b, -dx, -dy)
+
+
+@inlined
 def touch(pieces: Pieces, a: int, b: int, dx: float, dy: float) -> tuple[Point, Point]:
     """Points of two pieces, the nearer first; (dx, dy) leads from the center of b's to a's."""
-    start, corner = pieces.start, pieces.corner
-    of_a, edge_a, far_b = _widest(corner, start[a], start[a + 1], start[b], start[b + 1], -dx, -dy)
-    of_b, edge_b, far_a = _widest(corner, start[b], start[b + 1], start[a], start[a + 1], dx, dy)
-    if of_b > of_a or start[a + 1] - start[a] == 1:
-        first, second = _seen_from(b, edge_b, of_b, a, far_a, dx, dy, pieces)
-        return swapped(first), swapped(second)
-    return _seen_from(a, edge_a, of_a, b, far_b, -dx, -dy, pieces)
+    return _touch(pieces.corner, core_of(pieces, a), core_of(pieces, b), dx, dy)
 
 
 # ---- A piece of a grain and a wall shape
@@ -366,34 +415,38 @@ def moved(point: Point, x: float, y: float) -> Point:
     )  # fmt: skip
 
 
-@subroutine
+@inlined
 def touch_pieces(
     pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int
 ) -> tuple[Point, Point]:
     """Points of a piece of a grain with one of another grain, or with a wall shape (any ``b``)."""
     if j >= scene.radius.size:
         return touch_wall(pieces, scene, i, a, j - scene.radius.size)
-    dx, dy = shortest(
-        scene.position[i, X] - scene.position[j, X], scene.position[i, Y] - scene.position[j, Y],
-        scene.period, scene.height, scene.tilt,
-    )  # fmt: skip
+    dx, dy = from_other(scene, i, j)
     return touch(pieces, a, b, dx, dy)
 
 
 # ---- Pairs
 
 
-@subroutine
+@inlined
 def circle_gap(scene: Scene, i: int, j: int) -> float:
     """Gap of the circle around a grain and the one around another, or a wall shape with its ends.
 
     No point of the pair has a smaller gap.
     """
     count = scene.radius.size
-    if j < count:
-        return pair_geometry(scene, i, j)[0]
+    if j >= count:
+        return _circle_over(scene, i, j - count)
+    dx, dy = from_other(scene, i, j)
+    return float(sqrt(dx * dx + dy * dy) - (scene.radius[i] + scene.radius[j]))
+
+
+@subroutine
+def _circle_over(scene: Scene, i: int, shape: int) -> float:
+    """As `circle_gap`, over a wall shape."""
     x, y = scene.position[i, X], scene.position[i, Y]
-    away = distance_to_shape(x, y, j - count, scene.kind, scene.world, scene.period)[0]
+    away = distance_to_shape(x, y, shape, scene.kind, scene.world, scene.period)[0]
     return float(away - scene.radius[i])
 
 
@@ -428,9 +481,17 @@ def room_within(scene: Scene, pieces: Pieces, i: int, j: int, margin: float) -> 
     return room
 
 
-@subroutine
+@inlined
 def nearest_point(scene: Scene, pieces: Pieces, i: int, j: int) -> Point:
     """The point of a pair with the smallest gap, infinite if there is none."""
+    if are_convex(pieces, i, j):
+        return touch_pieces(pieces, scene, i, pieces.piece[i], j, pieces.piece[j])[0]
+    return _nearest_of(scene, pieces, i, j)
+
+
+@subroutine
+def _nearest_of(scene: Scene, pieces: Pieces, i: int, j: int) -> Point:
+    """As `nearest_point`, of any pair."""
     nearest = NOWHERE
     first, last = pieces_met(pieces, scene, j)
     for a in range(pieces.piece[i], pieces.piece[i + 1]):
@@ -441,13 +502,10 @@ def nearest_point(scene: Scene, pieces: Pieces, i: int, j: int) -> Point:
     return nearest
 
 
-@subroutine
+@inlined
 def gap_along(scene: Scene, pieces: Pieces, i: int, j: int, nx: float, ny: float) -> float:
     """Gap of two grains of a piece each along a normal from j to i [m]; never more than theirs."""
-    dx, dy = shortest(
-        scene.position[i, X] - scene.position[j, X], scene.position[i, Y] - scene.position[j, Y],
-        scene.period, scene.height, scene.tilt,
-    )  # fmt: skip
+    dx, dy = from_other(scene, i, j)
     a, b, corner, lowest, highest = pieces.piece[i], pieces.piece[j], pieces.corner, inf, -inf
     for v in range(pieces.start[a], pieces.start[a + 1]):
         lowest = min(lowest, nx * corner[v, X] + ny * corner[v, Y])
@@ -457,7 +515,20 @@ def gap_along(scene: Scene, pieces: Pieces, i: int, j: int, nx: float, ny: float
     return float(apart - (pieces.rounding[a] + pieces.rounding[b]))
 
 
-@subroutine
+@inlined
+def gap_at_least(scene: Scene, pieces: Pieces, i: int, j: int) -> float:
+    """A bound on the gap of two grains of a piece each [m], for less than a look at all edges."""
+    a, b = core_of(pieces, pieces.piece[i]), core_of(pieces, pieces.piece[j])
+    dx, dy = from_other(scene, i, j)
+    of_i, of_j = -inf, -inf
+    if a.last - a.first > 1:
+        of_i = _facing(pieces.corner, a, b, -dx, -dy)
+    if b.last - b.first > 1:
+        of_j = _facing(pieces.corner, b, a, dx, dy)
+    return max(of_i, of_j) - (a.rounding + b.rounding)
+
+
+@inlined
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
     if pieces is None:

@@ -20,8 +20,8 @@ from multicor_cli.engine.geometry.outlines import (
     touch_pieces,
 )
 from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces
-from multicor_cli.engine.geometry.scene import Scene, nearest_image, shortest
-from multicor_cli.engine.jit.compile import subroutine
+from multicor_cli.engine.geometry.scene import Scene, from_other, nearest_image
+from multicor_cli.engine.jit.compile import inlined, subroutine
 from multicor_cli.model.columns import SURFACE, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import ShapeKind
@@ -40,7 +40,7 @@ ALIKE = 1e-3
 """Sine of the angle between two normals that are the same axis."""
 
 
-@subroutine
+@inlined
 def approach(point: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int) -> float:
     """u_n of a point with these velocities of the bodies [m/s]."""
     body, turning = j, velocity[i, SURFACE] / pieces.spin[i]
@@ -138,7 +138,7 @@ def _past(
     return found
 
 
-@subroutine
+@inlined
 def touch_passing(
     pieces: Pieces, scene: Scene, i: int, a: int, j: int, b: int, velocity: Floats, dt: float,
     graze: float,
@@ -151,16 +151,24 @@ def touch_passing(
     first, second = touch_pieces(pieces, scene, i, a, j, b)
     if first.gap == inf:  # at the end of a side, but the other one is not
         first, second = second, first
+    if first.gap == inf or first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
+        return first, second
+    return _pass(first, second, scene, pieces, velocity, i, a, j, b, dt, graze)
+
+
+@subroutine
+def _pass(
+    first: Point, second: Point, scene: Scene, pieces: Pieces, velocity: Floats, i: int, a: int,
+    j: int, b: int, dt: float, graze: float,
+) -> tuple[Point, Point]:  # fmt: skip
+    """As `touch_passing`, of points that `touch_pieces` has found and that close."""
     shape, wall_x, wall_y, met = j - scene.radius.size, 0.0, 0.0, b
     if shape >= 0:
         met = pieces.piece[j]
+        if met == pieces.piece[j + 1]:  # a plane, or a circle around it, has no corners
+            return first, second
         wall_x = scene.wall_position[scene.wall[shape], X]
         wall_y = scene.wall_position[scene.wall[shape], Y]
-    has_corners = shape < 0 or met < pieces.piece[j + 1]  # no plane, no circle around it
-    if first.gap == inf or not has_corners:
-        return first, second
-    if first.gap + dt * approach(first, scene, pieces, velocity, i, j) >= 0.0:
-        return first, second
     r_a, r_b = pieces.rounding[a], pieces.rounding[met]
     near = max(BESIDE * graze, dt * fastest_points(scene, pieces, velocity, i, j))
     if not _is_beside_corner(
@@ -178,28 +186,30 @@ def touch_passing(
     return found, NOWHERE
 
 
-@subroutine
+@inlined
 def fastest_points(scene: Scene, pieces: Pieces, velocity: Floats, i: int, j: int) -> float:
     """No points of a grain and of j approach faster [m/s]; ``velocity`` of all bodies."""
     count = scene.radius.size
-    turning = velocity[i, SURFACE] / pieces.spin[i]
-    vx, vy = velocity[i, X], velocity[i, Y]
-    if j < count:
-        vx, vy = vx - velocity[j, X], vy - velocity[j, Y]
-        theirs = velocity[j, SURFACE] / pieces.spin[j] * scene.radius[j]
-        if scene.height > 0.0:  # as the gradient of a cell carries them apart
-            dx, dy = shortest(
-                scene.position[i, X] - scene.position[j, X],
-                scene.position[i, Y] - scene.position[j, Y],
-                scene.period, scene.height, scene.tilt,
-            )  # fmt: skip
-            vx += velocity[count, XX] * dx + velocity[count, XY] * dy
-            vy += velocity[count, YY] * dy
-        return float(sqrt(vx * vx + vy * vy) + abs(turning) * scene.radius[i] + abs(theirs))
+    if j >= count:
+        return _fastest_over(scene, pieces, velocity, i, j - count)
+    mine = velocity[i, SURFACE] / pieces.spin[i]
+    theirs = velocity[j, SURFACE] / pieces.spin[j] * scene.radius[j]
+    vx, vy = velocity[i, X] - velocity[j, X], velocity[i, Y] - velocity[j, Y]
+    if scene.height > 0.0:  # as the gradient of a cell carries them apart
+        dx, dy = from_other(scene, i, j)
+        vx += velocity[count, XX] * dx + velocity[count, XY] * dy
+        vy += velocity[count, YY] * dy
+    return float(sqrt(vx * vx + vy * vy) + abs(mine) * scene.radius[i] + abs(theirs))
+
+
+@subroutine
+def _fastest_over(scene: Scene, pieces: Pieces, velocity: Floats, i: int, shape: int) -> float:
+    """As `fastest_points`, over a wall shape."""
     # As the wall sees it, whose points turn around the center of the grain
-    wall = scene.wall[j - count]
-    body, x = count + wall, scene.position[i, X] - scene.wall_position[wall, X]
-    of_wall = velocity[body, SURFACE]
-    vx -= velocity[body, X] - of_wall * (scene.position[i, Y] - scene.wall_position[wall, Y])
-    vy -= velocity[body, Y] + of_wall * nearest_image(x, scene.period)
+    wall = scene.wall[shape]
+    body, x = scene.radius.size + wall, scene.position[i, X] - scene.wall_position[wall, X]
+    turning, of_wall = velocity[i, SURFACE] / pieces.spin[i], velocity[body, SURFACE]
+    y = scene.position[i, Y] - scene.wall_position[wall, Y]
+    vx = velocity[i, X] - (velocity[body, X] - of_wall * y)
+    vy = velocity[i, Y] - (velocity[body, Y] + of_wall * nearest_image(x, scene.period))
     return float(sqrt(vx * vx + vy * vy) + abs(turning - of_wall) * scene.radius[i])

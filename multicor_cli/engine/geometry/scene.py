@@ -270,16 +270,21 @@ def scene_of(
 
 
 @formula
+def from_other(scene: Scene, i: int, j: int) -> tuple[float, float]:
+    """From the center of a grain j to that of another, i, over the nearest images [m]."""
+    at = scene.position
+    dx, dy = at[i, X] - at[j, X], at[i, Y] - at[j, Y]
+    return shortest(dx, dy, scene.period, scene.height, scene.tilt)
+
+
+@formula
 def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
     """Gap and normal (from j to i) of a pair."""
     count = scene.radius.size
-    x, y = scene.position[i, X], scene.position[i, Y]
     if j < count:
-        dx, dy = shortest(
-            x - scene.position[j, X], y - scene.position[j, Y], scene.period, scene.height,
-            scene.tilt,
-        )  # fmt: skip
+        dx, dy = from_other(scene, i, j)
         return disc_disc(dx, dy, scene.radius[i] + scene.radius[j])
+    x, y = scene.position[i, X], scene.position[i, Y]
     return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
 
 

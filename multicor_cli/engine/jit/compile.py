@@ -166,6 +166,14 @@ def subroutine(function: F) -> F:
     return _for_kernels(function, _Subroutine)
 
 
+def inlined(function: F) -> F:
+    """Compile a `subroutine` into its callers: one that does less than it costs to call it.
+
+    A scene and pieces are more than a hundred numbers, and each call writes and reads them all.
+    """
+    return _for_kernels(function, _Subroutine, forceinline=True)
+
+
 def loop_body(function: F) -> F:
     """Compile an inner loop into its kernels; as a `formula` it makes the solve a fifth longer."""
     return _for_kernels(function, _ForKernels, forceinline=True)

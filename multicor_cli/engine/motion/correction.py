@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
-from multicor_cli.engine.geometry.outlines import circle_gap, nearest_point, true_gap
-from multicor_cli.engine.geometry.pieces import Pieces, are_faces, place_walls
+from multicor_cli.engine.geometry.outlines import circle_gap, gap_at_least, nearest_point, true_gap
+from multicor_cli.engine.geometry.pieces import Pieces, are_convex, are_faces, place_walls
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
-from multicor_cli.engine.jit.compile import kernel, subroutine
+from multicor_cli.engine.jit.compile import inlined, kernel, subroutine
 from multicor_cli.engine.motion.cell import strain_between
 from multicor_cli.engine.motion.separation import displace, levers_of, separate
 from multicor_cli.engine.motion.walls import WallMotion
@@ -55,14 +55,20 @@ LOCAL_SWEEPS = 200
 # ---- Overlaps, and the grains around them
 
 
-@subroutine
-def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> float:
-    """Overlap of a pair over its smaller radius; negative where they are apart."""
-    if pieces is not None:
+@inlined
+def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int, known: float) -> float:
+    """Overlap of a pair over its smaller radius; negative where they are apart.
+
+    Any number up to ``known`` where it is no larger than that.
+    """
+    smaller = smaller_of(scene, i, j)
+    if pieces is not None:  # a look at all of their edges takes five times as long
         apart = circle_gap(scene, i, j)
-        if apart >= 0.0:  # a look at their outlines takes ten times as long
-            return -apart / smaller_of(scene, i, j)
-    return -true_gap(scene, pieces, i, j)[0] / smaller_of(scene, i, j)
+        if apart < 0.0 and are_convex(pieces, i, j):
+            apart = gap_at_least(scene, pieces, i, j)
+        if apart >= -known * smaller:
+            return min(-apart / smaller, known)
+    return -true_gap(scene, pieces, i, j)[0] / smaller
 
 
 @kernel
@@ -81,7 +87,7 @@ def mark_overlaps(
     above, below = 0.0, 0.0
     marked[:] = False
     for c in range(i.size):
-        overlap = _overlap(scene, pieces, i[c], j[c])
+        overlap = _overlap(scene, pieces, i[c], j[c], below)
         if overlap > tolerance:
             marked[i[c]] = True
             above = max(above, overlap)
@@ -110,7 +116,7 @@ def mark_again(
             is_other = other < marked.size and marked[other]
             if is_other and other < k:
                 continue
-            overlap = _overlap(scene, pieces, around.owner[p], partner[p])
+            overlap = _overlap(scene, pieces, around.owner[p], partner[p], below)
             if overlap > tolerance:
                 again[k] = True
                 if is_other:
@@ -230,7 +236,7 @@ def push_pairs(
     most = int(FEW * count)
     queue = np.empty((PUSHES * most, 2), np.int32)
     for c in range(i.size):
-        if marked[i[c]] and _overlap(scene, pieces, i[c], j[c]) > allowed:
+        if marked[i[c]] and _overlap(scene, pieces, i[c], j[c], allowed) > allowed:
             if found == most:
                 return 0.0, 0.0
             queue[found, FIRST], queue[found, SECOND] = i[c], j[c]
@@ -259,7 +265,7 @@ def push_pairs(
             for e in range(around.start[k], around.start[k + 1]):
                 p = around.pair[e]
                 if found < queue.shape[0] and (
-                    _overlap(scene, pieces, around.owner[p], partner[p]) > allowed
+                    _overlap(scene, pieces, around.owner[p], partner[p], allowed) > allowed
                 ):
                     queue[found, FIRST], queue[found, SECOND] = around.owner[p], partner[p]
                     found += 1
@@ -413,7 +419,7 @@ def _worst_pair(
     worst, first, second = -np.inf, 0, 0
     for i in range(marked.size):
         for p in range(row[i], row[i + 1] if marked[i] else row[i]):
-            depth = _overlap(scene, pieces, i, partner[p])
+            depth = _overlap(scene, pieces, i, partner[p], worst)
             if depth > worst:
                 worst, first, second = depth, i, partner[p]
     return first, second

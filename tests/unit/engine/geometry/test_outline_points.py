@@ -10,9 +10,13 @@ from multicor_cli.engine.geometry.pieces import pieces_of, turned
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model.shapes import ShapeKind
 
-touch, touch_pieces, touch_wall, true_gap = map(
-    entry, (outlines.touch, outlines.touch_pieces, outlines.touch_wall, outlines.true_gap)
-)
+touch, touch_pieces, touch_wall, true_gap, gap_at_least = map(
+    entry,
+    (
+        outlines.touch, outlines.touch_pieces, outlines.touch_wall, outlines.true_gap,
+        outlines.gap_at_least,
+    ),
+)  # fmt: skip
 
 SIDES = (1, 2, 3, 4, 5, 7, 20)
 TINY = 1e-12
@@ -131,6 +135,15 @@ def test_gaps_are_distances_and_points_lie_on_both_surfaces():
             assert is_at_corner(second, 0, 1, pieces)
             assert second.corner != first.corner
     assert min(apart, deep) > 30
+
+
+def test_the_bound_on_a_gap_never_exceeds_it_and_often_is_it():
+    equal = 0
+    for pieces, scene in random_pairs(3, 400):
+        bound, gap = gap_at_least(scene, pieces, 0, 1), true_gap(scene, pieces, 0, 1)[0]
+        assert bound <= gap + TINY
+        equal += bound >= gap - TINY
+    assert equal > 100  # others are nearest at two corners, or over an edge that faces them less
 
 
 def test_pairs_the_other_way_round_are_the_same_to_the_bit():
