@@ -51,7 +51,7 @@ from multicor_cli.engine.contact.vector_step import (
     VIRIAL,
 )
 from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
-from multicor_cli.engine.geometry.outlines import Point, gap_along, true_gap
+from multicor_cli.engine.geometry.outlines import Point, gap_at_least, true_gap
 from multicor_cli.engine.geometry.passing import fastest_points, touch_passing
 from multicor_cli.engine.geometry.pieces import Pieces, are_convex, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_of
@@ -362,7 +362,7 @@ def closed_beyond(
     largest = 0.0
     for f in range(beyond.size):
         i, j = faces.i[f], faces.j[f]
-        if beyond[f] > dt * fastest_points(scene, pieces, after, i, j):
+        if beyond[f] == inf or beyond[f] > dt * fastest_points(scene, pieces, after, i, j):
             continue
         first, last = pieces_met(pieces, scene, j)
         graze = SUNK * smaller_of(scene, i, j)
@@ -603,26 +603,6 @@ def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
 # ---- What they lose and exert
 
 
-@inlined
-def _deepest(
-    c: int, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats, dt: float
-) -> float:
-    """No more than this a pair of a piece each overlaps [m], a time ``dt`` [s] after its point c.
-
-    Its edges turn the normal with the one grain or with the other.
-    """
-    contact, most = contacts[c], inf
-    for k in (contact.i, contact.j):
-        angle = dt * after[k, SURFACE] / pieces_end.spin[k]
-        length = sqrt(1.0 + angle * angle)
-        nx, ny = (
-            (contact.nx - angle * contact.ny) / length,
-            (contact.ny + angle * contact.nx) / length,
-        )
-        most = min(most, -gap_along(end, pieces_end, contact.i, contact.j, nx, ny))
-    return most
-
-
 @kernel
 def account_faces(
     scene: Scene, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats,
@@ -634,21 +614,20 @@ def account_faces(
 
     And ``overlaps`` of pairs at the end of the step over their smaller radii, shape ``(f,)``: of
     all above `GRAZE`, and of the largest below it. Others need no look: gaps change by little more
-    than velocities say, and no pair overlaps more than along a normal.
+    than velocities say, and no pair overlaps more than over one of its edges.
     """
     attracted, deepest = 0.0, 0.0
     for f in range(faces.first.size):
         base, i, j = faces.first[f], faces.i[f], faces.j[f]
-        size, nearest, at = smaller_of(end, i, j), inf, base
+        size, nearest = smaller_of(end, i, j), inf
         for c in range(base, base + faces.room[f]):
             if contacts[c].gap < inf:
-                gap = contacts[c].gap + 0.5 * dt * contact_after(c, scene, contacts, after)[0]
-                if gap < nearest:
-                    nearest, at = gap, c
+                u_n = contact_after(c, scene, contacts, after)[0]
+                nearest = min(nearest, contacts[c].gap + 0.5 * dt * u_n)
         overlaps[f] = 0.0
         if nearest < LOOK * size and (
             not are_convex(pieces_end, i, j)
-            or _deepest(at, end, pieces_end, contacts, after, 0.5 * dt) > deepest * size
+            or gap_at_least(end, pieces_end, i, j) < -deepest * size
         ):
             overlaps[f] = max(0.0, -true_gap(end, pieces_end, i, j)[0] / size)
             total[OVERLAP] = max(total[OVERLAP], overlaps[f])

@@ -503,19 +503,6 @@ def _nearest_of(scene: Scene, pieces: Pieces, i: int, j: int) -> Point:
 
 
 @inlined
-def gap_along(scene: Scene, pieces: Pieces, i: int, j: int, nx: float, ny: float) -> float:
-    """Gap of two grains of a piece each along a normal from j to i [m]; never more than theirs."""
-    dx, dy = from_other(scene, i, j)
-    a, b, corner, lowest, highest = pieces.piece[i], pieces.piece[j], pieces.corner, inf, -inf
-    for v in range(pieces.start[a], pieces.start[a + 1]):
-        lowest = min(lowest, nx * corner[v, X] + ny * corner[v, Y])
-    for v in range(pieces.start[b], pieces.start[b + 1]):
-        highest = max(highest, nx * corner[v, X] + ny * corner[v, Y])
-    apart = nx * dx + ny * dy + lowest - highest
-    return float(apart - (pieces.rounding[a] + pieces.rounding[b]))
-
-
-@inlined
 def gap_at_least(scene: Scene, pieces: Pieces, i: int, j: int) -> float:
     """A bound on the gap of two grains of a piece each [m], for less than a look at all edges."""
     a, b = core_of(pieces, pieces.piece[i]), core_of(pieces, pieces.piece[j])
