@@ -112,7 +112,10 @@ class Session:
         reason = StopReason.of_signal(number)
         self.observer.closed()
         step, time_reached = (state.step, state.time) if state is not None else (0, 0.0)
-        self.observer.message(str(RunOutcome(reason, self.path, step, time_reached, 0)))
+        told = str(RunOutcome(reason, self.path, step, time_reached, 0))
+        if directory is None:
+            told = f"{reason.value}: nothing is written yet; the same command begins again"
+        self.observer.message(told)
         if directory is not None:
             with directory:
                 directory.finish("stopped", stop_reason=reason.value, exit_code=reason.exit_code)

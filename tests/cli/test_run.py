@@ -119,12 +119,13 @@ def test_signal_while_nothing_has_to_be_saved_ends_the_process(typed, finished, 
             "def hang(*a, **k):\n    print('hanging', flush=True)\n"
             f"    while True: time.sleep(0.05)\ns.{name} = hang"
         )
-        said = stop(start_changed(tmp_path, hang, "hanging"), within=5.0)
-        assert "terminated (SIGTERM): step 0, t = 0 s, in here; the same command continues" in said
+        return stop(start_changed(tmp_path, hang, "hanging"), within=5.0)
 
-    stop_in("place")
+    said = stop_in("place")
+    assert "terminated (SIGTERM): nothing is written yet; the same command begins again" in said
     assert not (tmp_path / "here").exists()
-    stop_in("Engine.step")
+    said = stop_in("Engine.step")
+    assert "terminated (SIGTERM): step 0, t = 0 s, in here; the same command continues" in said
     info = read_info(tmp_path / "here")
     assert (info["status"], info["exit_code"]) == ("stopped", 143)
     assert (tmp_path / "here" / "lock").read_text() == ""
