@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from outline_brute import smallest_outline_gap
 from scene_parts import book, copy_of, tally
 from shapes import (
     box,
@@ -154,6 +155,29 @@ def test_a_million_steps_of_grains(clumps, dt, scenes):
         deepest = max(deepest, tally(engine.state, "max_overlap"))
     print(f"{jammed} of {steps * scenes} steps without a solution, overlaps up to {deepest:.1e}")
     assert jammed <= 0.01 * steps * scenes
+
+
+@pytest.mark.parametrize(
+    ("clumps", "dt", "seed"), [(False, 0.015, 1), (False, 0.03, 2), (True, 0.015, 2)]
+)
+def test_what_turns_far_in_a_step_does_not_overlap_unseen(clumps, dt, seed):
+    """Grains turn by up to 0.6 rad in a step; overlaps by comparing all directions."""
+    rng = np.random.default_rng(seed)
+    ends = np.array([[-0.3, 0.0]]), np.array([[0.3, 0.1]])
+    cross = [(box(0.9, 0.3), 0.0), (box(0.3, 0.9), 0.0)]
+    kinds = [[(ends[0], 0.25), (ends[1], 0.2)], cross] if clumps else [[(regular(5, 0.5), 0.0)]]
+    model = shaped_model([kinds[k % len(kinds)] for k in range(36)], friction=0.0)
+    places, spin = scattered(rng, 6, 6, 1.25, 0.7), 0.6 / dt
+    inwards = -3.0 * (places[:, :2] - places[:, :2].mean(axis=0))
+    velocities = np.column_stack([inwards, rng.uniform(-spin, spin, 36)])
+    engine, met = shaped_engine(model, places, velocities), 0
+    for k in range(60):
+        report = engine.step(dt, dt * k)
+        met += report.contacts > 5
+        worst = -smallest_outline_gap(model, engine.state, relative=True)
+        assert worst <= 5e-4 * (1.0 + 1e-9)
+        assert report.overlap >= worst * (1.0 - 1e-9)
+    assert met > 20
 
 
 @pytest.mark.parametrize("at", [1, 90, 220])

@@ -51,7 +51,7 @@ from multicor_cli.engine.contact.vector_step import (
     VIRIAL,
 )
 from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
-from multicor_cli.engine.geometry.outlines import Point, gap_at_least, true_gap
+from multicor_cli.engine.geometry.outlines import Point, circle_gap, gap_at_least, true_gap
 from multicor_cli.engine.geometry.passing import fastest_points, touch_passing
 from multicor_cli.engine.geometry.pieces import Pieces, are_convex, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_of
@@ -127,9 +127,6 @@ _NONE = np.empty(0, np.int32)
 STRUCK = 1.5
 """Speed up to which a pair may close once it is struck, over the rms of all pairs: in large flows
 some do in every third step, in which all are solved once more if their points did not count."""
-
-LOOK = 1e-3
-"""Gap over the smaller size below which, as velocities tell, a pair may overlap after a step."""
 
 NO_FACES = FacePairs(_NONE, _NONE, _NONE, _NONE, _NONE)
 
@@ -613,22 +610,17 @@ def account_faces(
     [J], which is returned.
 
     And ``overlaps`` of pairs at the end of the step over their smaller radii, shape ``(f,)``: of
-    all above `GRAZE`, and of the largest below it. Others need no look: gaps change by little more
-    than velocities say, and no pair overlaps more than over one of its edges.
+    all above `GRAZE`, and of the largest below it. Others need no look: no pair overlaps more than
+    the circles around it, or, of a piece each, than over one of its edges.
     """
     attracted, deepest = 0.0, 0.0
     for f in range(faces.first.size):
         base, i, j = faces.first[f], faces.i[f], faces.j[f]
-        size, nearest = smaller_of(end, i, j), inf
-        for c in range(base, base + faces.room[f]):
-            if contacts[c].gap < inf:
-                u_n = contact_after(c, scene, contacts, after)[0]
-                nearest = min(nearest, contacts[c].gap + 0.5 * dt * u_n)
-        overlaps[f] = 0.0
-        if nearest < LOOK * size and (
-            not are_convex(pieces_end, i, j)
-            or gap_at_least(end, pieces_end, i, j) < -deepest * size
-        ):
+        size, overlaps[f] = smaller_of(end, i, j), 0.0
+        least = circle_gap(end, i, j)
+        if least < 0.0 and are_convex(pieces_end, i, j):
+            least = gap_at_least(end, pieces_end, i, j)
+        if least < -deepest * size:
             overlaps[f] = max(0.0, -true_gap(end, pieces_end, i, j)[0] / size)
             total[OVERLAP] = max(total[OVERLAP], overlaps[f])
             if overlaps[f] <= GRAZE:
