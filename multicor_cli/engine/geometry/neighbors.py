@@ -194,14 +194,19 @@ def _scan_row(
         )
         # Where all rows are near, which of their images is that is not known by the row
         reach = 0.5 * period if height > 0.0 and last_y - first_y == rows - 1 else span
+        first_x, last_x = _cells_within(
+            x - reach - origin[X], x + reach - origin[X], level_cells[k, X], columns, period > 0.0
+        )
         for cy in range(first_y, last_y + 1):
-            images = cy // rows  # but in a cell 0
-            px, py = x - images * tilt, y - images * height
-            column, end = _cells_within(
-                px - reach - origin[X], px + reach - origin[X], level_cells[k, X], columns,
-                period > 0.0,
-            )  # fmt: skip
-            base = level_start[k] + (cy - images * rows) * columns
+            px, py, row, column, end = x, y, cy, first_x, last_x
+            if height > 0.0:  # an image of the row lies elsewhere
+                images = cy // rows
+                px, py, row = x - images * tilt, y - images * height, cy - images * rows
+                column, end = _cells_within(
+                    px - reach - origin[X], px + reach - origin[X], level_cells[k, X], columns,
+                    period > 0.0,
+                )  # fmt: skip
+            base = level_start[k] + row * columns
             # Cells side by side are one run of discs, except across the period
             while column <= end:
                 cx = column if 0 <= column < columns else column % columns
@@ -393,7 +398,7 @@ def both_ways(row: NDArray[np.int64], partner: Ints) -> Around:
 # ---- The list that is kept
 
 OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
-SKIN = 0.3  # of the mean diameter: what is listed beyond the cutoff of a step
+SKIN = 0.4  # of the mean diameter: what is listed beyond the cutoff of a step
 
 
 class NeighborList:
