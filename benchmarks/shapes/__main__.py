@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 from multicor_cli.engine import Engine, step
-from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.neighbors import SKIN, NeighborList
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.packing import build
 from multicor_cli.running.from_scenario import make_plan
@@ -36,6 +36,9 @@ SHAPES = {
 
 BEFORE_SOLVE = "predict", "detect", "prepare"
 """Phases of a step: list and points of near pairs, W, bias, warm start, and their order."""
+
+NEAR = 0.3
+"""Gap of circles that are near, over the mean diameter."""
 
 _SCENARIO = """
 [scenario]
@@ -173,10 +176,11 @@ def _round(flow: Flow, steps: int) -> list[float]:
 
 
 def circles_near(engine: Engine) -> int:
-    """How many pairs a list holds that is made where the grains are."""
+    """How many pairs have circles that are near, however far the lists of the engine reach."""
     model, state = engine.model, engine.state
     listed = NeighborList(model)
-    listed.update(scene_of(model, state.position, state.wall_position), 0.0)
+    cutoff = (NEAR - SKIN) * model.mean_diameter  # beyond which a list reaches by its skin
+    listed.update(scene_of(model, state.position, state.wall_position), cutoff)
     return int(listed.partner.size)
 
 

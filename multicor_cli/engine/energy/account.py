@@ -261,8 +261,9 @@ def book_step(
         state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
         motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,
         sums.wall_impulse, sums.belt_impulse, kinetic, gravity_work, correction, dt, sums.total,
-        _brought_in(state) + gained, state.step + 1, state.tallies, state.window, outcome,
+        state.tallies, state.window, outcome,
     )  # fmt: skip
+    _close(state.books, _brought_in(state) + gained, state.step + 1)
     state.window_wall_impulse += sums.wall_impulse
 
 
@@ -340,15 +341,14 @@ def _enter_step(
     books: Floats, before: Floats, after: Floats, driven: NDArray[np.bool_], mass: Floats,
     load: Floats, stiffness: Floats, damping: Floats, weight: Floats, belt_before: Floats,
     belt: Floats, wall_impulse: Floats, belt_impulse: Floats, kinetic: float, gravity: float,
-    correction: Correction, dt: float, sums: Floats, brought: float, steps: int, tallies: Floats,
-    window: Floats, outcome: Outcome,
+    correction: Correction, dt: float, sums: Floats, tallies: Floats, window: Floats,
+    outcome: Outcome,
 ) -> None:  # fmt: skip
-    """`_enter_walls`, `_close` and `_tally`."""
+    """`_enter_walls` and `_tally`."""
     _enter_walls(
         books, before, after, driven, mass, load, stiffness, damping, weight, belt_before, belt,
         wall_impulse, belt_impulse, kinetic, gravity, correction, dt, sums,
     )  # fmt: skip
-    _close(books, brought, steps)
     _tally(tallies, window, sums, correction, outcome, dt)
 
 
