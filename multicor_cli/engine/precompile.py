@@ -26,6 +26,7 @@ from multicor_cli.engine.contact.acceleration import (
 from multicor_cli.engine.contact.contacts import (
     CONTACT,
     Contacts,
+    begin_walls,
     fix_lanes,
     recall_impulses,
     tabulate,
@@ -64,12 +65,12 @@ from multicor_cli.engine.contact.sweep import EXACT, NO_CELL, System
 from multicor_cli.engine.contact.system import (
     Moved,
     assemble,
-    begin_contacts,
+    begin_grains,
     carried,
+    pack_bodies,
     tabulate_contacts,
 )
-from multicor_cli.engine.contact.vector_step import SUMS
-from multicor_cli.engine.energy.account import ContactSums, account_step, book_step
+from multicor_cli.engine.energy.account import account_contacts, account_grains, book_step
 from multicor_cli.engine.geometry.neighbors import both_ways
 from multicor_cli.engine.geometry.pieces import Pieces, pieces_of
 from multicor_cli.engine.geometry.scene import Scene
@@ -161,13 +162,19 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
         _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, pieces, _NOBODY, _NOBODY)
-    sums = np.zeros(SUMS), np.zeros((1, 3)), np.zeros(1)
-    account_step(scene, scene, lanes, contacts, bodies, _NOBODY, True, 1.0, 0.0, 0.0, 0.0, *sums)
+    sums = account_grains(
+        lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+        lanes.before, lanes.gap, lanes.branch, 1.0, model.period, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    of_contacts = account_contacts(scene, scene, contacts, bodies, _NOBODY, sums)
     if pieces is not None:
-        account_faces(scene, scene, pieces, contacts, bodies, NO_FACES, 1.0, *sums, np.zeros(0))
+        account_faces(
+            scene, scene, pieces, contacts, bodies, NO_FACES, 1.0, of_contacts.total,
+            of_contacts.wall_impulse, of_contacts.belt_impulse, np.zeros(0),
+        )  # fmt: skip
     motion = WallMotion(model, [WallDrive()])
     nothing = Correction(0.0, 0.0, 0.0, 0), Outcome(0.0, True, 0.0, 0.0, 0.0)
-    book_step(state, motion, ContactSums(*sums, 0.0), 0.0, 0.0, *nothing, 1.0)
+    book_step(state, motion, of_contacts, 0.0, 0.0, *nothing, 1.0)
     move(
         state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity,
         model.shape_factor, 1.0, state.position,
@@ -191,14 +198,19 @@ def _prepare(
     assemble(
         scene, contacts, lanes, np.zeros(1), np.zeros((1, 3)), model.shape_factor,
         has_couples=False, has_faces=pieces is not None,
-    ).collect(scene, contacts, np.ones(1), 1.0, 1.0)  # fmt: skip
+    ).collect(contacts)  # fmt: skip
     if pieces is not None:
         unpack_points(_NOBODY, np.empty((0, 2)), contacts)
         begin_faces(
             scene, pieces, model.laws, bodies, bodies, 1.0, 1.0, 1.0, 1.0, NO_FACES, 0,
             np.zeros(0, np.bool_), contacts,
         )  # fmt: skip
-    begin_contacts(scene, model.laws, bodies, bodies, lanes, contacts, 1.0, 1.0, 0.0, 0.0, 0.0)
+    begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.of_walls, contacts)
+    begin_grains(
+        lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+        lanes.before, lanes.gap, lanes.branch, 1.0, 1.0, model.period, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    pack_bodies(scene, bodies, bodies, lanes.place, lanes.velocity, lanes.start, lanes.middle)
     known = _NOBODY, _NOBODY, np.empty((0, 2))
     recall_impulses(*known, contacts, lanes.slot, lanes.impulse)
     if pieces is not None:

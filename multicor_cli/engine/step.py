@@ -23,6 +23,7 @@ from multicor_cli.engine.contact.adhesion import (
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     Speeds,
+    begin_walls,
     scatter_impulses,
     vary_friction,
     warm_rows,
@@ -43,18 +44,21 @@ from multicor_cli.engine.contact.system import (
     Moved,
     OrderedSystem,
     assemble,
-    begin_contacts,
+    begin_grains,
+    pack_bodies,
     tabulate_contacts,
 )
 from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS, VIRIAL
 from multicor_cli.engine.energy.account import (
     ContactSums,
-    account_step,
+    account_contacts,
+    account_grains,
     book_step,
     book_worn,
     open_books,
     switch_wall_kinetic,
 )
+from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -389,15 +393,14 @@ class Engine:
                     ordered.system, scale, self.orders.settings, layout.threading, should_stop
                 )
             self._clock("solve")
-            after, cutoff = ordered.collect(
-                step.scene, contacts, self._motion.extent, layout.pairs.largest, dt
-            )
+            after = ordered.collect(contacts)
             if step.pieces is not None and bounces and stop_rebounds(
                 step.scene, step.pieces, layout.before, layout.free, after,
                 layout.model.grains.mass, selection.faces, contacts, stopped,
             ):  # fmt: skip
                 contacts["p_n"], contacts["p_t"], selection.lanes.impulse[:] = 0.0, 0.0, 0.0
                 continue
+            cutoff = self._cutoff_after(step, after)
             self._list_up_to(cutoff, step)
             is_missing, fastest = selection.closing(
                 step.scene, step.pieces, after, after, self._far(step, cutoff, after), dt, -math.inf
@@ -504,6 +507,15 @@ class Engine:
         state.last_dt = dt
         return StepReport(0.0, True, 0.0, 0.0, 0.0, 0, 0, 0.0, sums.wall_impulse)
 
+    def _cutoff_after(self, step: Prediction, after: Floats) -> float:
+        """A gap that no pair closes in the step with the velocities v⁺ [m]."""
+        layout = self._layout
+        walls = after[layout.model.grain_count :, :3].copy()
+        return cutoff_of_velocities(
+            step.scene, after, _NO_FALL, walls, walls, self._motion.extent, step.dt,
+            layout.pairs.largest,
+        )  # fmt: skip
+
     def _far(self, step: Prediction, cutoff: float, bodies: Floats) -> float:
         """A gap that no points of a pair close [m], with spins too.
 
@@ -571,11 +583,15 @@ class Engine:
         contacts, i, j = selection.contacts, selection.i, selection.j
         lanes = selection.schedule(scene, self._motion.is_free, laws, start, state)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        begun = Speeds(
-            *begin_contacts(
-                scene, laws, start, layout.free, lanes, contacts, dt, ratio, *self._gradient(start)
-            )
+        pack_bodies(
+            scene, start, layout.free, lanes.place, lanes.velocity, lanes.start, lanes.middle
         )
+        grains = begin_grains(
+            lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+            lanes.before, lanes.gap, lanes.branch, dt, ratio, scene.period, scene.height,
+            scene.tilt, *self._gradient(start),
+        )  # fmt: skip
+        walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
         faces, beyond, lacking = None, _NONE, 0.0
         if selection.faces.first.size:
             assert step.pieces is not None
@@ -597,8 +613,8 @@ class Engine:
                 scene, laws, start, row, state.contact_j, state.contact_couple, ratio, contacts
             )
             contacts["mu_r"][selection.faces.rows] = 0.0  # which is for discs to have
-        speeds, is_solved = [begun], True
-        closing = begun.closing or (faces is not None and faces.closing)
+        speeds, is_solved = [grains, walls], True
+        closing = grains.closing or walls.closing or (faces is not None and faces.closing)
         if opening is not None and not closing:
             speeds.append(opening)
         if faces is not None:
@@ -665,28 +681,28 @@ class Engine:
         ``virial`` is what that of contacts lacks in a cell, by impacts. Also returns what pairs
         with corners overlap, over their smaller radii, as `account_faces` finds it.
         """
-        laws, selection, w = self._laws, self._layout.selection, self.model.wall_count
+        laws, selection = self._laws, self._layout.selection
         lanes = selection.lanes
-        which, is_plain = lanes.of_walls, not (laws.adhesion.size or laws.rolling.size)
-        if not is_plain:
+        if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
             keep_bridges(end, pieces, laws, contacts, self._layout.state)
             of_discs = np.ones(contacts.size, np.bool_)
             of_discs[selection.faces.rows] = False
-            which = np.flatnonzero(of_discs).astype(np.int32)
-        total, wall_impulse, belt_impulse = np.zeros(SUMS), np.zeros((w, 3)), np.zeros(w)
-        attracted = account_step(
-            step.scene, end, lanes, contacts, after, which, is_plain, step.dt,
-            *self._gradient(after), total, wall_impulse, belt_impulse,
-        )  # fmt: skip
-        sums = ContactSums(total, wall_impulse, belt_impulse, attracted)
+            which, of_grains = np.flatnonzero(of_discs).astype(np.int32), np.zeros(SUMS)
+        else:
+            which, of_grains = lanes.of_walls, account_grains(
+                lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+                lanes.before, lanes.gap, lanes.branch, step.dt, step.scene.period,
+                *self._gradient(after),
+            )  # fmt: skip
+        sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
         overlaps = np.zeros(selection.faces.first.size)
         if pieces is not None:
-            attracted += account_faces(
-                step.scene, end, pieces, contacts, after, selection.faces, step.dt, total,
-                wall_impulse, belt_impulse, overlaps,
+            attracted = account_faces(
+                step.scene, end, pieces, contacts, after, selection.faces, step.dt, sums.total,
+                sums.wall_impulse, sums.belt_impulse, overlaps,
             )  # fmt: skip
-            sums = sums._replace(adhesion_work=attracted)
+            sums = sums._replace(adhesion_work=sums.adhesion_work + attracted)
         if self.model.is_cell:
             sums.total[VIRIAL : VIRIAL + 4] += virial
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.adhesion import net_impulses
-from multicor_cli.engine.contact.contacts import Contacts, Speeds, begin_walls, contact_after
+from multicor_cli.engine.contact.contacts import Contacts, Speeds, contact_after
 from multicor_cli.engine.contact.face_sweep import FaceBatches
 from multicor_cli.engine.contact.faces import (
     General,
@@ -22,7 +22,6 @@ from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.rolling import NO_COUPLES, couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
 from multicor_cli.engine.contact.vector_step import begin_lanes
-from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.arrays import CHUNK, aligned
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -50,7 +49,7 @@ from multicor_cli.model.columns import (
     Y,
 )
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.model import ContactLaws, Floats, Ints
+from multicor_cli.model.model import Floats, Ints
 
 # ---- Diagonal contacts in plain rows, one after the other, and in the batches of a `System`
 
@@ -190,25 +189,6 @@ def begin_grains(
     return Speeds(total[0], total[1], total[2], total[3], total[4], total[5])
 
 
-@parallel_kernel
-def begin_contacts(
-    scene: Scene, laws: ContactLaws, start: Floats, free: Floats, lanes: Schedule,
-    contacts: Contacts, dt: float, ratio: float, xx: float, yy: float, xy: float,
-) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """`pack_bodies`, `begin_grains` and `begin_walls`; returns the sums of both, as in `Speeds`."""
-    pack_bodies(scene, start, free, lanes.place, lanes.velocity, lanes.start, lanes.middle)
-    a = begin_grains(
-        lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-        lanes.before, lanes.gap, lanes.branch, dt, ratio, scene.period, scene.height, scene.tilt,
-        xx, yy, xy,
-    )  # fmt: skip
-    b = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
-    return (
-        a.squares + b.squares, a.closing + b.closing, a.slip + b.slip, a.loaded + b.loaded,
-        a.motion + b.motion, a.met + b.met,
-    )  # fmt: skip
-
-
 @kernel
 def place_walls(
     scene: Scene, contacts: Contacts, belt: Floats, walls: Ints, lane: Ints, pair: Ints,
@@ -235,30 +215,32 @@ def place_walls(
 
 
 @kernel
-def fill_inverse(
-    velocity: Floats, grains: int, wall_inverse: Floats, spin_factor: float, inverse: Floats
-) -> None:
-    """Inverse masses of all degrees of freedom, as in `System`, into ``inverse``, **modified**."""
+def inverse_masses(
+    velocity: Floats, grains: int, wall_inverse: Floats, spin_factor: float
+) -> Floats:
+    """Inverse masses of all degrees of freedom, as in `System`."""
+    inverse = np.empty((grains + wall_inverse.shape[0], 3))
     for row in range(grains):
         inverse[row, X] = inverse[row, Y] = velocity[row, INVERSE_MASS]
         inverse[row, SPIN] = spin_factor * velocity[row, INVERSE_MASS]
     for w in range(wall_inverse.shape[0]):
         for d in range(3):
             inverse[grains + w, d] = wall_inverse[w, d]
+    return inverse
 
 
 @kernel
 def pack_general(
-    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, general: Ints, inverse: Floats,
-    pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
-) -> None:  # fmt: skip
+    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, general: Ints, inverse: Floats
+) -> tuple[Ints, Floats, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom, as in `System`.
 
     ``general`` are these contacts, ``inverse`` as in `System`, ``belt`` as in `OrderedSystem`.
-    **Modifies** bodies ``(g, 2)``, frames ``(g, 8)``, zeros before, levers ``(g, 2, 2)`` and
-    impulses ``(g, 2)``.
+    Returns bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
     """
     n = scene.radius.size
+    pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
+    frame, lever = np.zeros((general.size, 8)), np.empty((general.size, 2, 2))
     for g in range(general.size):
         contact = contacts[general[g]]
         wall = scene.wall[contact.j - n]
@@ -278,36 +260,23 @@ def pack_general(
             frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
             frame[g, W_NT] += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
             frame[g, W_TT] += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
-
-
-@kernel
-def fill_system(
-    scene: Scene, contacts: Contacts, lanes: Schedule, belt: Floats, wall_inverse: Floats,
-    spin_factor: float, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
-) -> None:  # fmt: skip
-    """`fill_inverse`, `place_walls` and `pack_general`, whose arrays are **modified**."""
-    fill_inverse(lanes.velocity, lanes.place.size, wall_inverse, spin_factor, inverse)
-    place_walls(
-        scene, contacts, belt, lanes.walls, lanes.lane, lanes.pair, lanes.velocity, lanes.frame,
-        lanes.impulse,
-    )  # fmt: skip
-    pack_general(
-        scene, contacts, belt, lanes.place, lanes.general, inverse, pair, frame, lever, impulse
-    )
+    return pair, frame, lever, impulse
 
 
 @parallel_kernel
-def unpack_bodies(velocity: Floats, place: Ints, belt: Floats, after: Floats) -> None:
-    """v⁺ of grains and walls from the rows of the sweep into ``after``, **modified**."""
+def unpack_bodies(velocity: Floats, place: Ints, belt: Floats, walls: int) -> Floats:
+    """v⁺ of grains and walls from the rows of the sweep, shape ``(n + w, 4)``."""
     grains = place.size
+    after = np.empty((grains + walls, 4))
     for chunk in prange((grains + CHUNK - 1) // CHUNK):
         for b in range(chunk * CHUNK, min(grains, (chunk + 1) * CHUNK)):
             for d in range(4):
                 after[b, d] = velocity[place[b], d]
-    for w in range(belt.size):
+    for w in range(walls):
         for d in range(3):
             after[grains + w, d] = velocity[grains + w, d]
         after[grains + w, BELT] = belt[w]
+    return after
 
 
 @kernel
@@ -330,21 +299,6 @@ def unpack_walls(
     for g in range(general.size):
         contacts[general[g]].p_n = general_impulse[g, NORMAL]
         contacts[general[g]].p_t = general_impulse[g, TANGENTIAL]
-
-
-@parallel_kernel
-def take_out(
-    scene: Scene, lanes: Schedule, general_impulse: Floats, belt: Floats, extent: Floats,
-    reach: float, dt: float, contacts: Contacts, after: Floats,
-) -> float:  # fmt: skip
-    """`unpack_walls` and `unpack_bodies`; returns a gap that no pair closes in ``dt`` with v⁺ [m].
-
-    ``extent`` and ``reach``, the largest diameter, as in `cutoff_of_velocities`.
-    """
-    unpack_walls(lanes.walls, lanes.general, lanes.lane, lanes.impulse, general_impulse, contacts)
-    unpack_bodies(lanes.velocity, lanes.place, belt, after)
-    walls = after[lanes.place.size :, :3].copy()
-    return cutoff_of_velocities(scene, after, np.zeros(2), walls, walls, extent, dt, reach)
 
 
 @kernel
@@ -391,23 +345,18 @@ class OrderedSystem:
     belt: Floats
     points: Ints
 
-    def collect(
-        self, scene: Scene, contacts: Contacts, extent: Floats, reach: float, dt: float
-    ) -> tuple[Floats, float]:
-        """Put impulses with walls, and couples, into ``contacts``.
-
-        Returns v⁺, shape ``(n + w, 4)``, and a gap that no pair closes with it, as `take_out`.
-        """
+    def collect(self, contacts: Contacts) -> Floats:
+        """Put impulses with walls, and couples, into ``contacts``; returns v⁺, ``(n + w, 4)``."""
         schedule, system = self.schedule, self.system
-        after = np.empty((schedule.place.size + self.belt.size, 4))
-        cutoff = take_out(
-            scene, schedule, system.general_impulse, self.belt, extent, reach, dt, contacts, after
-        )
+        unpack_walls(
+            schedule.walls, schedule.general, schedule.lane, system.impulse,
+            system.general_impulse, contacts,
+        )  # fmt: skip
         if self.points.size:
             unpack_points(self.points, system.general_impulse[schedule.general.size :], contacts)
         if system.couples.impulse.size:
             contacts["p_r"][system.couples.contact] = system.couples.impulse
-        return after, cutoff
+        return unpack_bodies(system.velocity, schedule.place, self.belt, self.belt.size)
 
 
 def _add_faces(
@@ -454,13 +403,13 @@ def assemble(
     of one kind then, and what solves it is compiled once.
     """
     velocity, place = schedule.velocity, schedule.place
-    general, slot = schedule.general, schedule.slot
-    inverse = np.empty((place.size + len(wall_inverse), 3))
-    others: General = (
-        np.empty((general.size, 2), np.int32), np.zeros((general.size, 8)),
-        np.empty((general.size, 2, 2)), np.empty((general.size, 2)),
+    inverse = inverse_masses(velocity, place.size, wall_inverse, spin_factor)
+    place_walls(
+        scene, contacts, belt, schedule.walls, schedule.lane, schedule.pair, velocity,
+        schedule.frame, schedule.impulse,
     )  # fmt: skip
-    fill_system(scene, contacts, schedule, belt, wall_inverse, spin_factor, inverse, *others)
+    general, slot = schedule.general, schedule.slot
+    others = pack_general(scene, contacts, belt, place, general, inverse)
     points, faces = _NO_POINTS, None
     if has_faces:
         points, faces, others = _add_faces(scene, contacts, schedule, belt, inverse, others)

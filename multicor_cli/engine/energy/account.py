@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.contacts import Contacts, contact_after
-from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.rolling import rolling_loss
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.contact.vector_step import (
@@ -40,7 +39,7 @@ from multicor_cli.model.state import State
 
 
 class ContactSums(NamedTuple):
-    """What contacts did in a step.
+    """Result of `account_contacts`.
 
     Attributes:
         total: Sums over the contacts, and largest values, shape ``(SUMS,)`` of `vector_step`.
@@ -62,16 +61,14 @@ _BATCHES = CHUNK // LANES
 
 @parallel_kernel
 def account_grains(
-    lanes: Schedule, dt: float, period: float, xx: float, yy: float, xy: float, total: Floats
-) -> None:
-    """What the contacts of two grains add to `SUMS`, into ``total``, **modified**: zeros before.
+    middle: Floats, velocity: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
+    before: Floats, gap: Floats, branch: Floats, dt: float, period: float, xx: float, yy: float,
+    xy: float,
+) -> Floats:  # fmt: skip
+    """What the contacts of two grains add to `SUMS`; arrays of `Schedule`, v⁺ in ``velocity``.
 
-    Velocities of the lanes are v⁺. In a cell (xx, yy, xy) is its gradient at the end of the step.
+    In a cell (xx, yy, xy) is its gradient at the end of the step.
     """
-    middle, velocity, pair, about, branch = (
-        lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.branch,
-    )  # fmt: skip
-    frame, impulse, before, gap = lanes.frame, lanes.impulse, lanes.before, lanes.gap
     batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
     sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, SUMS))
     for chunk in prange(sums.shape[0]):
@@ -85,27 +82,29 @@ def account_grains(
             about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
             gap.reshape(-1), 0.5 * dt, period, half, branch.reshape(-1), xx, yy, xy,
         )  # fmt: skip
+    total = np.zeros(SUMS)
     for chunk in range(sums.shape[0]):
         for k in range(SUMS):
             value = sums[chunk, k]
             total[k] = max(total[k], value) if k >= LARGEST else total[k] + value
+    return total
 
 
 @kernel
 def account_contacts(
-    scene: Scene, end: Scene, contacts: Contacts, after: Floats, which: Ints, total: Floats,
-    wall_impulse: Floats, belt_impulse: Floats,
-) -> float:  # fmt: skip
+    scene: Scene, end: Scene, contacts: Contacts, after: Floats, which: Ints, total: Floats
+) -> ContactSums:
     """Sum losses, virial and wall impulses over some contacts of a step, one after the other.
 
     The losses are −q·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
     (Moreau–Jean energy identity); couples count as friction. What adhesion does is a work, not a
     loss; impulses on walls, and the stress, are those that act, with it.
 
-    ``scene`` is that at q_m, ``end`` that at q⁺. To ``total``, which others add to as well, and
-    impulses as in `ContactSums` is added: **modified**. Returns the work of adhesion [J].
+    ``scene`` is that at q_m, ``end`` that at q⁺; ``total``, what others add to `SUMS`, is
+    **modified**.
     """
-    attracted = 0.0
+    walls = scene.wall_position.shape[0]
+    wall_impulse, belt_impulse, attracted = np.zeros((walls, 3)), np.zeros(walls), 0.0
     for k in range(which.size):
         c = which[k]
         contact = contacts[c]
@@ -148,19 +147,7 @@ def account_contacts(
         belt_impulse[wall] -= p_t
         if couple != 0.0:
             belt_impulse[wall] -= surface_turning(scene, j, 1.0) * couple
-    return attracted
-
-
-@parallel_kernel
-def account_step(
-    scene: Scene, end: Scene, lanes: Schedule, contacts: Contacts, after: Floats, which: Ints,
-    has_lanes: bool, dt: float, xx: float, yy: float, xy: float, total: Floats,
-    wall_impulse: Floats, belt_impulse: Floats,
-) -> float:  # fmt: skip
-    """`account_contacts` of some, and `account_grains` of those in lanes if it ``has_lanes``."""
-    if has_lanes:
-        account_grains(lanes, dt, scene.period, xx, yy, xy, total)
-    return account_contacts(scene, end, contacts, after, which, total, wall_impulse, belt_impulse)  # type: ignore[no-any-return]
+    return ContactSums(total, wall_impulse, belt_impulse, attracted)
 
 
 # ---- Energy books: kinetic change = gravity + wall + load + adhesion work − friction − impact −
@@ -257,13 +244,13 @@ def book_step(
         state.growth_books[0] += expansion_work
         state.books[_TERMS] += abs(expansion_work)
         gained += float(state.growth_books[0] - state.growth_books[1])
-    _enter_step(
+    _enter_walls(
         state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
         motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,
         sums.wall_impulse, sums.belt_impulse, kinetic, gravity_work, correction, dt, sums.total,
-        state.tallies, state.window, outcome,
     )  # fmt: skip
     _close(state.books, _brought_in(state) + gained, state.step + 1)
+    _tally(state.tallies, state.window, sums.total, correction, outcome, dt)
     state.window_wall_impulse += sums.wall_impulse
 
 
@@ -334,22 +321,6 @@ def _close(books: Floats, brought: float, steps: int) -> None:
     )
     if scale > 0.0:
         books[_CLOSURE] = max(books[_CLOSURE], abs(imbalance) / scale)
-
-
-@kernel
-def _enter_step(
-    books: Floats, before: Floats, after: Floats, driven: NDArray[np.bool_], mass: Floats,
-    load: Floats, stiffness: Floats, damping: Floats, weight: Floats, belt_before: Floats,
-    belt: Floats, wall_impulse: Floats, belt_impulse: Floats, kinetic: float, gravity: float,
-    correction: Correction, dt: float, sums: Floats, tallies: Floats, window: Floats,
-    outcome: Outcome,
-) -> None:  # fmt: skip
-    """`_enter_walls` and `_tally`."""
-    _enter_walls(
-        books, before, after, driven, mass, load, stiffness, damping, weight, belt_before, belt,
-        wall_impulse, belt_impulse, kinetic, gravity, correction, dt, sums,
-    )  # fmt: skip
-    _tally(tallies, window, sums, correction, outcome, dt)
 
 
 @kernel

@@ -258,16 +258,8 @@ def scene_of(
     model: Model, position: Floats, wall_position: Floats, temperature: Floats = _NO_TEMPERATURE
 ) -> Scene:
     """Shapes where grains and walls are; positions are the arrays given, no copies of them."""
-    scene = unset_scene(model, position, wall_position, temperature)
-    place_shapes(scene.kind, scene.wall, model.shapes.geometry, wall_position, scene.world)
-    return scene
-
-
-def unset_scene(
-    model: Model, position: Floats, wall_position: Floats, temperature: Floats = _NO_TEMPERATURE
-) -> Scene:
-    """As `scene_of`; the shapes of walls are still to be placed."""
     shapes, world = model.shapes, np.empty((model.shape_count, 4))
+    place_shapes(shapes.kind, shapes.wall, shapes.geometry, wall_position, world)
     period, height, tilt = model.period, 0.0, 0.0
     if model.is_cell:
         period, height, tilt = wall_position[0].tolist()

@@ -89,16 +89,14 @@ def threaded_loop(function: F) -> F:
 
 
 def parallel_kernel(function: F) -> F:
-    """Compile a kernel with ``prange`` loops on threads, or that calls such, twice: when needed.
+    """Compile a kernel with ``prange`` loops on threads twice, each version when first needed.
 
     The one for a single thread compiles in half the time, and small problems need no other. Both
     compute the same bits, and call the same version of other such kernels. Where the one for
     several is there it serves a single thread as well.
     """
     alone = kernel(_twin(function, "alone"))
-    # Without loops of its own it only calls others that have some
-    has_loops = "prange" in function.__code__.co_names
-    on_threads = (threaded_loop if has_loops else kernel)(_twin(function, "on_threads"))
+    on_threads = threaded_loop(_twin(function, "on_threads"))
     has_threads = False
 
     @functools.wraps(function)

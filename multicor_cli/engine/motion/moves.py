@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.geometry.drift import cutoff_of_velocities
-from multicor_cli.engine.geometry.scene import Scene, place_shapes
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.model.columns import ANGLE, BELT, INVERSE_MASS, SPIN, SURFACE, X, Y
+from multicor_cli.model.columns import ANGLE, INVERSE_MASS, SPIN, SURFACE, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import LARGEST
 
@@ -67,35 +65,6 @@ def are_sound(after: Floats, before: Floats, position: Floats, belt: Floats) -> 
             size = abs(after[w, d]) + abs(before[w, d]) + abs(position[w, d]) + abs(belt[w])
             sound = sound and size <= LARGEST
     return sound
-
-
-@parallel_kernel
-def begin_step(
-    scene: Scene, local: Floats, position: Floats, velocity: Floats, radius: Floats, mass: Floats,
-    gravity: Floats, wall_position: Floats, before: Floats, walls: Floats, belt_before: Floats,
-    belt: Floats, extent: Floats, ahead: float, diameter: float, dt: float, start: Floats,
-    free: Floats,
-) -> tuple[bool, float]:  # fmt: skip
-    """`predict`, with walls and their shapes, and a gap that no pair closes in ``ahead`` steps [m].
-
-    The scene is that at q_m: its positions and wall shapes, ``local`` in the frames of their walls,
-    are **modified**, and bodies as in `predict`. Of walls there are frames at the start, velocities
-    ``before``, and ``walls`` at the end or free, of their surfaces too. Returns whether numbers are
-    sound, and the gap, as `cutoff_of_velocities`.
-    """
-    count = radius.size
-    sound = predict(position, velocity, radius, mass, gravity, dt, scene.position, start, free)
-    sound = are_sound(walls, before, wall_position, belt_before) and sound
-    for w in range(belt.size):
-        for d in range(3):
-            start[count + w, d], free[count + w, d] = before[w, d], walls[w, d]
-        start[count + w, BELT], free[count + w, BELT] = belt_before[w], belt[w]
-    place_shapes(scene.kind, scene.wall, local, scene.wall_position, scene.world)
-    fall = np.empty(2)  # between the velocities at the start and the free ones
-    for d in range(2):
-        fall[d] = dt * abs(gravity[d])
-    cutoff = cutoff_of_velocities(scene, free, fall, before, walls, extent, ahead * dt, diameter)
-    return sound, cutoff
 
 
 @parallel_kernel

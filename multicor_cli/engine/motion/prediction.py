@@ -16,10 +16,10 @@ from multicor_cli.engine.contact.meetings import Walls
 from multicor_cli.engine.contact.selection import AHEAD
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.pieces import Pieces, turned
-from multicor_cli.engine.geometry.scene import Scene, scene_of, unset_scene
+from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.motion.cell import carry_to_middle, convect, sides_at_middle
 from multicor_cli.engine.motion.layout import Growth, Layout
-from multicor_cli.engine.motion.moves import are_sound, begin_step, predict
+from multicor_cli.engine.motion.moves import are_sound, predict
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
@@ -86,49 +86,28 @@ class Predictor:
         """
         layout, motion = self.layout, self.motion
         state, model = layout.state, layout.model
-        grains = model.grains
+        n, grains = model.grain_count, model.grains
         growth = layout.grow(dt) if state.radius.size else None
-        velocity = state.velocity if growth is None else growth.velocity
-        walls = motion.predict(state, gravity, t, dt)
-        if model.is_cell:
-            return self._in_cell(gravity, temperature, velocity, walls, dt, growth)
-        middle = state.wall_position + 0.5 * dt * motion.before
-        scene = unset_scene(model, layout.middle, middle, temperature)
-        is_sound, cutoff = begin_step(
-            scene, model.shapes.geometry, state.position, velocity, model.spin_radius, grains.mass,
-            gravity, state.wall_position, motion.before, walls, motion.belt_before, motion.belt,
-            motion.extent, AHEAD, layout.pairs.largest, dt, layout.before, layout.free,
-        )  # fmt: skip
-        if not is_sound:
-            refuse_state(layout)
-        step = Prediction(
-            dt, gravity, scene, max(cutoff, longest_reach(self.laws)), 0.0, None, np.empty(0),
-            growth, None if layout.pieces is None else turned(layout.pieces, scene),
-        )  # fmt: skip
-        return self._stop(self._fly(step, walls), walls)
-
-    def _in_cell(
-        self, gravity: Floats, temperature: Floats, velocity: Floats, walls: Floats, dt: float,
-        growth: Growth | None,
-    ) -> Prediction:  # fmt: skip
-        """As `predict`, of a cell; velocities are those of the grains, and its free gradient."""
-        layout, motion = self.layout, self.motion
-        state, model, n = layout.state, layout.model, layout.model.grain_count
-        mass, gradient = model.grains.mass, state.wall_velocity[0]
         is_sound = predict(
-            state.position, velocity, model.spin_radius, mass, gravity, dt, layout.middle,
-            layout.before, layout.free,
+            state.position, state.velocity if growth is None else growth.velocity,
+            model.spin_radius, grains.mass, gravity, dt, layout.middle, layout.before, layout.free,
         )  # fmt: skip
-        carry_to_middle(layout.middle, gradient, 0.5 * dt)
-        middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
-        flight = self._fly_in_cell(middle, temperature, walls, dt)
-        gained, convected = convect(
-            mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before, layout.free
-        )
-        walls += gained - motion.before
-        motion.before[0] = gained
-        if flight is not None:
-            convected += convected_by(flight.impacts, 0.5 * (walls[0] - motion.before[0]))
+        walls = motion.predict(state, gravity, t, dt)
+        middle = state.wall_position + 0.5 * dt * motion.before
+        convected, flight = np.empty(0), None
+        if model.is_cell:
+            gradient = state.wall_velocity[0]
+            carry_to_middle(layout.middle, gradient, 0.5 * dt)
+            middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
+            flight = self._fly_in_cell(middle, temperature, walls, dt)
+            gained, convected = convect(
+                grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
+                layout.free,
+            )  # fmt: skip
+            walls += gained - motion.before
+            motion.before[0] = gained
+            if flight is not None:
+                convected += convected_by(flight.impacts, 0.5 * (walls[0] - motion.before[0]))
         layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
         layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
         if not (
@@ -136,10 +115,13 @@ class Predictor:
         ):
             refuse_state(layout)
         scene = scene_of(model, layout.middle, middle, temperature)
-        return Prediction(
+        step = Prediction(
             dt, gravity, scene, self._cutoff(scene, gravity, walls, dt), 0.0, flight, convected,
             growth, None if layout.pieces is None else turned(layout.pieces, scene),
         )  # fmt: skip
+        if model.is_cell:  # in which nothing moves by itself
+            return step
+        return self._stop(self._fly(step, walls), walls)
 
     def _cutoff(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
         """A gap that no pair closes in `AHEAD` steps [m], as velocities before the solve tell."""
