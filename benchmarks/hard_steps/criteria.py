@@ -70,14 +70,15 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
     s, scale = problem.copy(), problem.scale
     m = loops.start_momentum(s)
     memory = loops.start_loop(s.contacts)
-    loop, partial, rows = memory[0], np.empty(s.tile_start.size - 1), []
+    loop, partial, rows = memory[0], np.empty((s.tile_start.size - 1, 2)), []
     tolerance, met = RMS * scale.rms, nothing_met(s)
     while loop["sweeps"] < limit:
         way = Relaxation(*loops.MODES[loop["mode"], :2].tolist(), float(loop["factor"]))
-        change = float(np.sqrt(sweep(s, m.before, EXACT, way, False, partial) / loop["active"]))
+        squares, onward = sweep(s, m.before, EXACT, way, False, partial)
+        change = float(np.sqrt(squares / loop["active"]))
         loop["sweeps"] += 1.0
         if change <= 2.0 * tolerance and loop["sweeps"] % EVERY == 0:
-            row, loop["active"] = measure(s, m.weight, truth, scale)
+            row, loop["active"] = measure(s, masses(s), truth, scale)
             rows.append([loop["sweeps"], *row])
             if row[0] <= RMS and row[1] <= LARGEST and row[2] <= 0.01 and row[4] <= 0.001:
                 break
@@ -89,8 +90,15 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
                 solve_patch(s, choose_patch(s, size, met))
             loops.begin_again(s, m, is_clustered, loop)
         else:
-            loops.move_on(s, m, change, loops._growth(loop), loop, False)
+            loops.move_on(s, m, change, onward, loops._growth(loop), loop, False)
     return np.array(rows).reshape(-1, len(COLUMNS))
+
+
+def masses(s: System) -> Floats:
+    """Mass of each velocity [kg], of walls M, M, J; 0 where it is held."""
+    own = s.velocity[: len(s.inverse), 3:] * np.array([1.0, 1.0, s.spin_factor])
+    inverse = np.where(own > 0.0, own, s.inverse)
+    return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
 
 
 def measure(
@@ -112,7 +120,7 @@ def measure(
     normal = np.abs(np.add.reduceat(p_n * u_n, starts)).sum()
     both = sum(np.abs(np.add.reduceat(power, starts)).sum() for power in (p_n * e_n, p_t * e_t))
     error, mass = (v - truth)[: len(weight), :3], weight[:, 0].sum()
-    distance = np.sqrt((weight[:, :3] * error**2).sum() / mass)
+    distance = np.sqrt((weight * error**2).sum() / mass)
     vertical = abs((weight[:, 1] * error[:, 1]).sum()) / mass
     speeds = [np.sqrt(squares.sum() / active), np.sqrt(squares.max())]
     powers = [value / scale.energy for value in (absolute, normal, both)]

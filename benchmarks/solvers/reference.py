@@ -7,10 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from methods.operators import COLUMNS, Log, distance
+from methods.operators import COLUMNS, Log, distance, masses
 from problems import Problem
 
-from multicor_cli.engine.contact.acceleration import start_momentum
 from multicor_cli.engine.contact.solve import ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.orders import Settings
@@ -67,7 +66,7 @@ def mass_shares(system: System) -> Floats:
     """Mass of each velocity over the mass of all bodies that can move, shape ``(b, 4)``; walls
     count where they can move.
     """
-    weight = start_momentum(system).weight
+    weight = masses(system)
     return np.asarray(weight / max(float(weight[:, :2].max(axis=1).sum()), np.finfo(float).tiny))
 
 

@@ -97,7 +97,7 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
         _compare(diagonal, c_sweep)
     ours: dict[int, list[float]] = {number: [] for number in threads}
     in_c: list[float] = []
-    partial = np.zeros(diagonal.tile_start.size - 1)
+    partial = np.zeros((diagonal.tile_start.size - 1, 2))
     for round_ in range(_ROUNDS + 1):
         for number in threads:
             use_threads(number)
@@ -169,7 +169,7 @@ def _before(system: System) -> Before:
 def _compare(system: System, c_sweep: CSweep) -> None:
     mine = system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy())
     rows, velocity = flatten(system), system.velocity.copy()
-    _sweep_repeatedly(mine, _before(mine), 1, False, np.zeros(mine.tile_start.size - 1))
+    _sweep_repeatedly(mine, _before(mine), 1, False, np.zeros((mine.tile_start.size - 1, 2)))
     c_sweep(rows, velocity, system.spin_factor, 1)
     scale = np.abs(rows.impulse).max(initial=0.0)
     if not np.allclose(flatten(mine).impulse, rows.impulse, rtol=0.0, atol=1e-9 * scale):
@@ -183,7 +183,7 @@ def _sweep_repeatedly(
     """Sweeps without anything around them, arguments as `sweep`; returns Σ of corrections²."""
     total = 0.0
     for _ in range(repeats):
-        total += sweep(s, before, EXACT, Relaxation(1.0, 1.0, 0.0), parallel, partial)
+        total += sweep(s, before, EXACT, Relaxation(1.0, 1.0, 0.0), parallel, partial)[0]
     return total
 
 

@@ -109,7 +109,7 @@ def precompile(*, has_shapes: bool = False, has_heat: bool = True) -> None:
     bodies = np.zeros((2, 4))
     system = _without_contacts(has_shapes=has_shapes)
     memory, momentum = start_loop(0), start_momentum(system)
-    iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty(1))
+    iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty((1, 2)))
     strayed = np.zeros((1, 2))
     nobody = _NOBODY, _NOBODY, _NOBODY, _NOBODY, _NOBODY
     moved = Moved(scene, contacts, bodies, *nobody, strayed)

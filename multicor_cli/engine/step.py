@@ -631,6 +631,7 @@ class Engine:
             Speeds(*map(sum, zip(*speeds, strict=True))), layout.mass, model.grain_count,
             dt * hypot(*step.gravity.tolist()),
             dt * self._motion.pressure() * model.mean_diameter, attraction, laws.restitution,
+            step.rounding,
         )  # fmt: skip
         if scale.velocity == 0.0 or not is_solved:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
@@ -645,7 +646,7 @@ class Engine:
         bridges = bridge_rows(layout.state, layout.model.grain_count)
         begin_attraction(
             scene, pieces, self._laws, contacts, selection.i, selection.j, layout.before,
-            *bridges, dt, selection.faces,
+            *bridges, dt, selection.faces, layout.state.contact_i.size == 0,
         )  # fmt: skip
         scatter_impulses(contacts, lanes.slot, lanes.impulse)
         attract(

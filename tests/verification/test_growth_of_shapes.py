@@ -46,9 +46,12 @@ def test_a_stack_lifts_its_load_and_lets_it_down(name):
     their load and weight; as they cool they take it back."""
     grain, half = STACKS[name]
     model = shaped_model([grain] * 3, floor_and_lid(), ("floor", "lid"), mass=1.0, friction=0.3)
+    # What is asked of the solver below 10⁻¹² of a step's velocities is rounding: 10⁵ sweeps for it
+    # leave as much of their own in the books
+    sharp = Settings(tolerance_rms=1e-10, tolerance_max=1e-8, tolerance_energy=1e-8)
     engine = coupled_engine(
         growing(model), [[0.0, half + k] for k in range(3)], conduction="none", friction="none",
-        drives=[WallDrive(), WallDrive(y=DofDrive(force=Constant(-20.0)))],
+        solver=sharp, drives=[WallDrive(), WallDrive(y=DofDrive(force=Constant(-20.0)))],
     )  # fmt: skip
     engine.state.wall_position[1, 1] = 3.0
     engine.begin(engine.orders)
@@ -64,7 +67,7 @@ def test_a_stack_lifts_its_load_and_lets_it_down(name):
     warmed(engine, -10.0, 200)
     warmed(engine, 0.0, 100)
     assert state.wall_position[1, 1] - 3.0 == pytest.approx(0.0, abs=1e-8)
-    assert book(state, "closure") < 1e-12
+    assert book(state, "closure") < 1e-14
 
 
 def test_spins_keep_their_angular_momentum():

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from methods.operators import Log, all_impulses, copy_impulses, kernel, record, set_impulses
-from multicor_cli.engine.contact.acceleration import start_momentum
+from methods.operators import Log, all_impulses, copy_impulses, kernel, masses, record, set_impulses
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
 from multicor_cli.model.model import Floats
 
@@ -42,8 +41,8 @@ def run_anderson(s: System, iterations: int, parameters: Floats, log: Log) -> in
     depth, bodies = int(parameters[0]) + 1, s.inverse.shape[0]
     impulse, partial, root = (
         all_impulses(s),
-        np.empty(s.tile_start.size - 1),
-        np.sqrt(start_momentum(s).weight),
+        np.empty((s.tile_start.size - 1, 2)),
+        np.sqrt(masses(s)),
     )
     changes, images = np.empty((depth, 4 * bodies)), np.empty((depth, impulse.shape[0], 2))
     last, count, lowest = copy_impulses(s), 0, np.inf

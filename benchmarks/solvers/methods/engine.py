@@ -30,7 +30,7 @@ class Loop:
         self.system = system
         self.work = 0.0
         self.seconds = 0.0
-        self._partial = np.empty(system.tile_start.size - 1)
+        self._partial = np.empty((system.tile_start.size - 1, 2))
         self._tolerance = Tolerances(rms, 0.0, 0.0)  # never met: the loop goes on
         self.restart()
 

@@ -15,7 +15,7 @@ def run_gauss_seidel(s: System, iterations: int, parameters: Floats, log: Log) -
     sweep goes backward (else 0).
     """
     way, alternates = Relaxation(parameters[0], parameters[0], 0.0), parameters[1] > 0.0
-    before, partial = copy_impulses(s), np.empty(s.tile_start.size - 1)
+    before, partial = copy_impulses(s), np.empty((s.tile_start.size - 1, 2))
     for number in range(iterations):
         if alternates and number % 2 == 1:
             sweep_backward(s, before)

@@ -33,7 +33,7 @@ from multicor_cli.model.model import Floats, Ints
 
 
 @kernel
-def _relax_generals(s: System, before: Before, factor: float) -> float:
+def _relax_generals(s: System, before: Before, factor: float) -> tuple[float, float]:
     """The general contacts as in the program's sweep."""
     return relax_general(
         s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse,
@@ -43,9 +43,11 @@ def _relax_generals(s: System, before: Before, factor: float) -> float:
 
 
 @kernel
-def _sweep_tiles(s: System, before: Before, spare: Before, factor: float, inner: int) -> float:
+def _sweep_tiles(
+    s: System, before: Before, spare: Before, factor: float, inner: int
+) -> tuple[float, float]:
     """Each tile several times; the contacts beyond the colors and the general ones once. Returns
-    the squares of the last turn.
+    the squares of the last turn, and where the corrections of the first point, as `sweep` does.
 
     Impulses are extrapolated by ``factor`` in the first turn; in the others ``spare`` takes the
     last ones.
@@ -62,21 +64,22 @@ def _sweep_tiles(s: System, before: Before, spare: Before, factor: float, inner:
         s.tile_start,
         s.spin_factor,
     )
-    total = 0.0
+    total, ahead = _relax_generals(s, before, factor)
     for t in range(start.size - 1):
-        square = relax_batches(
+        square, onward = relax_batches(
             start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, 1.0, 1.0, factor
         )
         for _ in range(1, inner if t < s.color_start[-1] else 1):
-            square = relax_batches(
+            square, _ = relax_batches(
                 start[t], start[t + 1], velocity, pair, frame, impulse, scratch, beta, 1.0, 1.0, 0.0
             )
         total += square
-    return total + _relax_generals(s, before, factor)
+        ahead += onward
+    return total, ahead
 
 
 @kernel
-def _sweep_some(s: System, before: Before, factor: float, some: Ints) -> float:
+def _sweep_some(s: System, before: Before, factor: float, some: Ints) -> tuple[float, float]:
     """As the program's sweep, over the diagonal contacts in some lanes and all general ones."""
     velocity, pair, frame, impulse = (
         s.velocity.reshape(-1),
@@ -84,12 +87,15 @@ def _sweep_some(s: System, before: Before, factor: float, some: Ints) -> float:
         s.frame.reshape(-1),
         s.impulse.reshape(-1),
     )
-    last, way, total = before.impulse.reshape(-1), Relaxation(1.0, 1.0, factor), 0.0
+    last, way = before.impulse.reshape(-1), Relaxation(1.0, 1.0, factor)
+    total, ahead = _relax_generals(s, before, factor)
     for lane in some:
-        total += relax_lane(
+        square, onward = relax_lane(
             np.uint64(lane), velocity, pair, frame, impulse, last, s.spin_factor, EXACT, way
         )
-    return total + _relax_generals(s, before, factor)
+        total += square
+        ahead += onward
+    return total, ahead
 
 
 @kernel
@@ -122,19 +128,20 @@ def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> in
         int(parameters[2]),
         int(parameters[3]),
     )
-    m, memory, partial = start_momentum(s), start_loop(1), np.empty(s.tile_start.size - 1)
+    m, memory, partial = start_momentum(s), start_loop(1), np.empty((s.tile_start.size - 1, 2))
     spare, near, loop = copy_impulses(s), np.empty(s.slot.size, np.int32), memory[0]
     count, work = 0, 0.0
     for number in range(iterations):
         factor = loop["factor"]
         if period > 0 and number % period > 0:
-            square = _sweep_some(s, m.before, factor, near[:count])
+            square, onward = _sweep_some(s, m.before, factor, near[:count])
             work += count / max(1, s.contacts - s.general_pair.shape[0])
         else:
             if inner > 1:
-                square = _sweep_tiles(s, m.before, spare, factor, inner)
+                square, onward = _sweep_tiles(s, m.before, spare, factor, inner)
             else:
-                square = sweep(s, m.before, EXACT, Relaxation(1.0, 1.0, factor), False, partial)
+                way = Relaxation(1.0, 1.0, factor)
+                square, onward = sweep(s, m.before, EXACT, way, False, partial)
             work += inner
             count = _list_near(s, m.before, near) if period > 0 else 0
         if goes_back:
@@ -142,5 +149,5 @@ def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> in
             work += 1.0
         if record(s, log, number, work):
             return number + 1
-        move_on(s, m, np.sqrt(square), growth, loop, False)
+        move_on(s, m, np.sqrt(square), onward, growth, loop, False)
     return iterations

@@ -41,7 +41,17 @@ from multicor_cli.engine.contact.vector_sweep import (
 )
 from multicor_cli.engine.jit.formulas import F, formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import BIAS, MASS, MU, NORMAL, TANGENTIAL, W_NN, W_TT
+from multicor_cli.model.columns import (
+    BIAS,
+    INVERSE_MASS,
+    MASS,
+    MU,
+    NORMAL,
+    SPIN,
+    TANGENTIAL,
+    W_NN,
+    W_TT,
+)
 from multicor_cli.model.model import Floats
 
 
@@ -73,6 +83,21 @@ class Log(NamedTuple):
     stop: Floats
     reference: Floats
     weight: Floats
+
+
+@kernel
+def masses(s: System) -> Floats:
+    """Mass of each velocity [kg]: m, m, m/β and 0; of walls M, M, J; 0 where it is held."""
+    bodies = s.inverse.shape[0]
+    mass = np.zeros((bodies, 4))
+    for b in range(bodies):
+        for d in range(3):
+            inverse = s.velocity[b, INVERSE_MASS]
+            if inverse > 0.0:
+                mass[b, d] = 1.0 / inverse if d < SPIN else 1.0 / (inverse * s.spin_factor)
+            elif s.inverse[b, d] > 0.0:
+                mass[b, d] = 1.0 / s.inverse[b, d]
+    return mass
 
 
 @kernel
@@ -129,7 +154,7 @@ def sweep_backward(s: System, before: Before) -> float:
         s.velocity, s.inverse, s.general_pair[::-1], s.general_frame[::-1], s.general_lever[::-1],
         s.general_impulse[::-1],
         before.general_impulse[::-1], True, 0.0, s.cell,
-    )  # fmt: skip
+    )[0]  # fmt: skip
     for lane in range(lanes):
         total += relax_lane(
             np.uint64(lanes - 1 - lane),
@@ -141,7 +166,7 @@ def sweep_backward(s: System, before: Before) -> float:
             s.spin_factor,
             EXACT,
             way,
-        )
+        )[0]
     return total
 
 

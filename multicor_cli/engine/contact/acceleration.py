@@ -4,7 +4,8 @@ The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x �
 and velocities alike (they are linear in each other). Friction makes the problem no minimization,
 and unguarded momentum cycles in sliding states. Guards:
 
-* the momentum restarts when the new change points against the extrapolation (gradient restart);
+* the momentum restarts when the corrections of a sweep point against what has changed since the
+  last iterate (gradient restart): they are known contact by contact, in the sweep itself;
 * it restarts when the change per sweep has grown to 1.5 times its lowest value since the last
   restart (any growth: 1.5 to 3 times as many sweeps in shear; growth by 2: more sweeps, and fewer
   errors left at the same residual; by 5 and more: some sliding states cycle). A solve that is still
@@ -32,24 +33,17 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
-from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.arrays import CHUNK, copy_into
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, subroutine, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.engine.jit.vectors import HAS_VECTORS
-from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
+from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 
 class Momentum(NamedTuple):
-    """Last iterate, and last change of the velocities, 0 in the last column; as in `System`.
-
-    ``weight`` is the mass of each velocity [kg] (m, m, m/β; of walls M, M, J), or 0 if it is held.
-    """
+    """The last iterate: velocities and impulses, as in `System`."""
 
     velocity: Floats
-    change: Floats
-    weight: Floats
     before: Before
 
 
@@ -97,8 +91,6 @@ class Tolerances(NamedTuple):
 NEVER = Tolerances(-1.0, -1.0, -1.0)
 """With these the residual is not looked at."""
 
-_CROSS, _SQUARE = 0, 1  # columns of partial products
-
 FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2]])
 """Rows: factors on both corrections; growth of the change per sweep that restarts the momentum."""
@@ -135,94 +127,26 @@ def start_loop(contact_count: int) -> NDArray[np.void]:
 @kernel
 def start_momentum(s: System) -> Momentum:
     """Momentum at rest, at the present iterate."""
-    bodies = s.inverse.shape[0]
-    weight = np.zeros((bodies, 4))
-    for b in range(bodies):
-        for d in range(3):
-            inverse = s.velocity[b, INVERSE_MASS]
-            if inverse > 0.0:
-                weight[b, d] = 1.0 / inverse if d < SPIN else 1.0 / (inverse * s.spin_factor)
-            elif s.inverse[b, d] > 0.0:
-                weight[b, d] = 1.0 / s.inverse[b, d]
-    velocity = s.velocity[:bodies].copy()
     return Momentum(
-        velocity,
-        np.zeros((bodies, 4)),
-        weight,
+        s.velocity[: s.inverse.shape[0]].copy(),
         Before(s.impulse.copy(), s.general_impulse.copy(), s.couples.impulse.copy()),
     )
 
 
 @loop_body
-def extrapolate_scalar(
-    first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats,
-    factor: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Record velocities and their change, and move them on by ``factor`` times the change.
-
-    For bodies ``first … last-1``, arrays flat. ``now`` are the velocities after the sweep,
-    ``before`` those before, ``change`` is their last change: all **modified**. Returns products of
-    the new change with the last one and with itself in the metric of the kinetic energy [J]:
-    component by component, then over the components.
-    """
-    cross, square = 0.0, 0.0
-    for column in range(4):
-        own_cross, own_square = 0.0, 0.0
-        for body in range(first, last):
-            q = 4 * body + column
-            new = now[q]
-            step = new - before[q]
-            weighted = weight[q] * step
-            own_cross += weighted * change[q]
-            own_square += weighted * step
-            change[q] = step
-            before[q] = new
-            now[q] = new + factor * step
-        cross += own_cross
-        square += own_square
-    return cross, square
-
-
-extrapolate = extrapolate_rows if HAS_VECTORS else extrapolate_scalar
+def extrapolate(first: int, last: int, now: Floats, before: Floats, factor: float) -> None:
+    """Values become the last iterate, ``before``, and move on by ``factor`` times their change."""
+    for k in range(first, last):
+        new = now[k]
+        now[k] = new + factor * (new - before[k])
+        before[k] = new
 
 
 @threaded_loop
-def _extrapolate_chunks(
-    now: Floats, before: Floats, change: Floats, weight: Floats, factor: float, partial: Floats
-) -> None:
-    for chunk in prange(partial.shape[0]):
-        last = min(before.size // 4, (chunk + 1) * CHUNK)
-        cross, square = extrapolate(chunk * CHUNK, last, now, before, change, weight, factor)
-        partial[chunk, _CROSS], partial[chunk, _SQUARE] = cross, square
-
-
-@kernel
-def _extrapolate_bodies(
-    s: System, m: Momentum, factor: float, parallel: bool
-) -> tuple[float, float]:
-    now, before, change, weight = (
-        s.velocity.reshape(-1),
-        m.velocity.reshape(-1),
-        m.change.reshape(-1),
-        m.weight.reshape(-1),
-    )
-    bodies = m.velocity.shape[0]
-    chunks = -(-bodies // CHUNK)
-    cross, square = 0.0, 0.0
-    if parallel:
-        partial = np.empty((chunks, 2))
-        _extrapolate_chunks(now, before, change, weight, factor, partial)
-        for chunk in range(chunks):
-            cross += partial[chunk, _CROSS]
-            square += partial[chunk, _SQUARE]
-        return cross, square
-    for chunk in range(chunks):
-        a, b = extrapolate(
-            chunk * CHUNK, min(bodies, (chunk + 1) * CHUNK), now, before, change, weight, factor
-        )
-        cross += a
-        square += b
-    return cross, square
+def _extrapolate_on_threads(now: Floats, before: Floats, factor: float, chunks: int) -> None:
+    for chunk in prange(chunks):
+        first = 4 * CHUNK * chunk
+        extrapolate(first, min(before.size, first + 4 * CHUNK), now, before, factor)
 
 
 @subroutine
@@ -250,7 +174,6 @@ def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
     """Go on with fresh momentum after the loop was stuck; a patch may have changed the iterate."""
     velocity = m.velocity.reshape(-1)
     copy_into(velocity, s.velocity.reshape(-1)[: velocity.size])
-    m.change[:] = 0.0
     copy_into(m.before.impulse.reshape(-1), s.impulse.reshape(-1))
     copy_into(m.before.general_impulse.reshape(-1), s.general_impulse.reshape(-1))
     copy_into(m.before.couple, s.couples.impulse)
@@ -270,47 +193,36 @@ def _growth(loop: Any) -> float:
 
 
 @subroutine
-def _next_theta(loop: Any) -> float:
-    """Advance Nesterov's θ; returns the factor ω that belongs to it."""
-    theta = loop["theta"]
-    following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
-    loop["theta"] = following
-    return theta * (1.0 - theta) / (theta * theta + following)
+def choose_factor(change: float, onward: float, growth: float, loop: Any) -> float:
+    """The factor ω of the next extrapolation, 0 if the momentum restarts; into ``loop``, too.
 
-
-@kernel
-def restart(change: float, loop: Any) -> float:
-    """Begin with fresh momentum; returns the factor of the next extrapolation: 0."""
-    loop["theta"] = 1.0
-    loop["lowest"] = change
-    return _next_theta(loop)
-
-
-@subroutine
-def choose_factor(change: float, growth: float, loop: Any) -> float:
-    """The factor ω of the next extrapolation, unless `move_on` restarts by the gradient."""
-    if change > growth * loop["lowest"]:
-        return restart(change, loop)
+    ``change`` and ``onward`` are those of the last sweep (`sweep`); ``growth`` is that of the
+    change over its lowest value at which the momentum restarts.
+    """
+    if change > growth * loop["lowest"] or onward < 0.0:
+        loop["theta"], loop["lowest"] = 1.0, change
     loop["lowest"] = min(loop["lowest"], change)
-    return _next_theta(loop)
+    theta = loop["theta"]
+    following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)  # Nesterov's θ
+    loop["theta"] = following
+    loop["factor"] = theta * (1.0 - theta) / (theta * theta + following)
+    return loop["factor"]  # type: ignore[no-any-return]
 
 
 @kernel
 def move_on(
-    s: System, m: Momentum, change: float, growth: float, loop: Any, parallel: bool
+    s: System, m: Momentum, change: float, onward: float, growth: float, loop: Any, parallel: bool
 ) -> None:
-    """Record velocities and move them on, with both restarts; the next sweep moves impulses.
+    """Record velocities and move them on; the next sweep moves impulses by ``factor`` of ``loop``.
 
-    ``change`` is that per sweep [m/s], ``growth`` that at which the momentum restarts. **Modifies**
-    velocities, momentum, and the record ``loop``, whose ``factor`` is then that of the next sweep.
+    Arguments as `choose_factor`; velocities, momentum and ``loop`` are **modified**.
     """
-    # Velocities move on in the pass that finds out whether the gradient minds: it seldom does.
-    factor = choose_factor(change, growth, loop)
-    cross, square = _extrapolate_bodies(s, m, factor, parallel)
-    if loop["factor"] * cross > square:
-        factor = restart(change, loop)
-        copy_into(s.velocity.reshape(-1), m.velocity.reshape(-1))
-    loop["factor"] = factor
+    factor = choose_factor(change, onward, growth, loop)
+    now, before = s.velocity.reshape(-1), m.velocity.reshape(-1)
+    if parallel:
+        _extrapolate_on_threads(now, before, factor, -(-before.size // (4 * CHUNK)))
+    else:
+        extrapolate(0, before.size, now, before, factor)
 
 
 @kernel
@@ -386,7 +298,8 @@ def iterate(
     while loop["sweeps"] < limit:
         mode = loop["mode"]
         way = Relaxation(MODES[mode, NORMAL], MODES[mode, TANGENTIAL], loop["factor"])
-        change = np.sqrt(sweep(s, m.before, local, way, parallel, partial) / loop["active"])
+        squares, onward = sweep(s, m.before, local, way, parallel, partial)
+        change = np.sqrt(squares / loop["active"])
         loop["sweeps"] += 1.0
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
         is_end = is_last and loop["sweeps"] == limit
@@ -403,4 +316,5 @@ def iterate(
             _choose_mode(change, tolerance.rms, loop)
             if loop["is_stuck"]:
                 return
-            move_on(s, m, change, _growth(loop) if local == EXACT else CAREFUL, loop, parallel)
+            growth = _growth(loop) if local == EXACT else CAREFUL
+            move_on(s, m, change, onward, growth, loop, parallel)

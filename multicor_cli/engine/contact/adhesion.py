@@ -138,12 +138,14 @@ def _nearest_pieces(scene: Scene, contacts: Contacts, i: Ints, j: Ints) -> Float
 def begin_attraction(
     scene: Scene, pieces: Pieces | None, laws: ContactLaws, contacts: Contacts, i: Ints, j: Ints,
     bodies: Floats, bridge_row: NDArray[np.int64], bridge_j: Ints, dt: float, faces: FacePairs,
+    is_cold: bool,
 ) -> None:  # fmt: skip
     """F Δt into all contacts [N s], the mean over the way that a pair goes with u_n⁻ in the step.
 
     Dry pairs attract each other within the range, wet ones where they touch, now or at the start
     of the step, or have a bridge, ``bridge_j[bridge_row[i]:bridge_row[i + 1]]`` of grain i. What
-    touches and has carried nothing starts with p = 0.
+    comes to touch, or touches where no impulses are known (``is_cold``), starts with p = 0; what
+    touched before and carried q = 0 goes on with that, or nothing would ever rest.
 
     ``i`` and ``j`` are the shapes of ``contacts``, which are **modified**; ``bodies`` hold
     velocities and inverse masses, shape ``(bodies, 4)``.
@@ -170,7 +172,8 @@ def begin_attraction(
         mean = share_of_force(gap - half, gap + half, reach, is_wet)
         contact.attraction = dt * laws.adhesion[a, b] * mean * share[c]
         w = bodies[i[c], INVERSE_MASS] + (bodies[j[c], INVERSE_MASS] if j[c] < count else 0.0)
-        if contact.p_n == 0.0 and gap <= dt * contact.attraction * w:
+        room = dt * contact.attraction * w
+        if contact.p_n == 0.0 and gap <= room and (is_cold or gap - dt * contact.u_n > room):
             contact.p_n = contact.attraction
 
 

@@ -27,6 +27,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     over_batches,
 )
 from multicor_cli.engine.jit.compile import loop_body, prange, subroutine, threaded_loop
+from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
 from multicor_cli.model.columns import (
     BIAS,
@@ -54,6 +55,8 @@ from multicor_cli.model.model import Floats, Ints
 # Rows of the blocks after those of frames: turns of both bodies, W⁻¹, q and 1/(1 ± μ q)
 A_N, A_T, B_N, B_T, I_NN, I_NT, I_TT, Q, PLUS, MINUS = range(8, 18)
 ROWS = 18
+
+FourSums = tuple[float, float, float, float]
 
 
 class FaceBatches(NamedTuple):
@@ -93,6 +96,28 @@ def _solution(
     return (s_n, s_t) if sticks else (slid_n, slid_t)
 
 
+@formula
+def take_turns(sums: FourSums, value: float) -> FourSums:
+    """Add to the sum of the next lane: each lane is summed for itself, as vectors do it."""
+    return sums[1], sums[2], sums[3], sums[0] + value
+
+
+@formula
+def sum_lanes(sums: FourSums) -> float:
+    """The sum of all lanes, in their order."""
+    return sums[0] + sums[1] + sums[2] + sums[3]
+
+
+@loop_body
+def sum_tiles(partial: Floats) -> tuple[float, float]:
+    """Sums over all tiles, one after the other, of both columns of ``partial``."""
+    squares, onward = 0.0, 0.0
+    for t in range(partial.shape[0]):
+        squares += partial[t, 0]
+        onward += partial[t, 1]
+    return squares, onward
+
+
 @loop_body
 def _velocity(
     q: int, lane: int, velocity: Floats, pair: Ints, block: Floats, more_x: float, more_y: float
@@ -120,13 +145,13 @@ def _square(q: int, lane: int, block: Floats, d_n: float, d_t: float) -> tuple[f
 def relax_faces_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
     before: Floats, beta: float, extrapolation: float, branch: Floats, own: Floats,
-) -> float:  # fmt: skip
-    """Relax batches ``first … last-1``; returns Σ of corrections² [m²/s²], over each lane first.
+) -> tuple[float, float]:  # fmt: skip
+    """Relax batches ``first … last-1``; returns what `sweep` does, of these: over each lane first.
 
     ``impulse`` and ``before`` have a row for each lane. In a cell ``branch`` (flat) and ``own`` are
     as in `relax_stretched_scalar`; else they are empty.
     """
-    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    squares, onward = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
     has_cell, zero = branch.size > 0, (0.0, 0.0, 0.0)
     now = (own[XX], own[YY], own[XY]) if has_cell else zero
     late = later = whole = zero
@@ -160,7 +185,9 @@ def relax_faces_scalar(
             velocity[j + Y] -= m_j * py
             velocity[j + SURFACE] -= m_j * s_j
             # Each lane for itself: the sums take turns
-            a, b, c, d = b, c, d, a + _square(q, lane, block, d_n, d_t)[0]
+            square, c_n, c_t = _square(q, lane, block, d_n, d_t)
+            on = c_n * (new_n - now_n) + c_t * (new_t - now_t)
+            squares, onward = take_turns(squares, square), take_turns(onward, on)
             pulled = pulled[XX] + px * lx, pulled[YY] + py * ly, pulled[XY] + px * ly
         if has_cell:
             now = (
@@ -171,7 +198,7 @@ def relax_faces_scalar(
             whole = whole[XX] + pulled[XX], whole[YY] + pulled[YY], whole[XY] + pulled[XY]
     if has_cell:
         own[2 * LANES + XX], own[2 * LANES + YY], own[2 * LANES + XY] = whole
-    return a + b + c + d
+    return sum_lanes(squares), sum_lanes(onward)
 
 
 @loop_body
@@ -283,7 +310,7 @@ class _Sweep(_Lanes):
         super().__init__(code, arrays, moving)
         self.moving = moving
         self.before, self.beta, self.ahead = before, code.spread(beta), code.spread(ahead)
-        self.squares = code.keep([self.zero])
+        self.sums = code.keep([self.zero] * 2)
 
     def solve(self, batch: _Value, u_n: Vector, u_t: Vector) -> list[Vector]:
         """New impulses; returns what changes the bodies."""
@@ -294,8 +321,10 @@ class _Sweep(_Lanes):
         new_n, new_t = self.solution(batch, p_n, p_t, u_n, u_t)
         self.store(self.impulse, batch, new_n, new_t)
         d_n, d_t = new_n - p_n, new_t - p_t
-        (squares,) = self.squares.get()
-        self.squares.put([squares + self.square(batch, d_n, d_t)[0]])
+        square, c_n, c_t = self.square(batch, d_n, d_t)
+        on = c_n * (new_n - now[0]) + c_t * (new_t - now[1])
+        squares, onward = self.sums.get()
+        self.sums.put([squares + square, onward + on])
         nx, ny, a_n, a_t, b_n, b_t = code.block(self.block, batch, ROWS, NX, NY, A_N, A_T, B_N, B_T)
         px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
         if self.moving:
@@ -314,7 +343,7 @@ class _Sweep(_Lanes):
                 code.store(self.velocity, at, old - change if is_second else old + change)
 
 
-@vector_loop(results=1)
+@vector_loop(results=2)
 def _relax_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, block: _Value,
     impulse: _Value, before: _Value, beta: _Value, extrapolation: _Value,
@@ -322,10 +351,10 @@ def _relax_batches(
     """As `relax_faces_scalar`."""
     sweep = _Sweep(code, (velocity, pair, block, impulse), before, beta, extrapolation)
     over_batches(sweep, first, last)
-    return [code.total(sweep.squares.get()[0])]
+    return [code.total(vector) for vector in sweep.sums.get()]
 
 
-@vector_loop(results=1)
+@vector_loop(results=2)
 def _relax_stretched_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, block: _Value,
     impulse: _Value, before: _Value, beta: _Value, extrapolation: _Value, branch: _Value,
@@ -336,7 +365,7 @@ def _relax_stretched_batches(
     sweep = _Sweep(code, (velocity, pair, block, impulse), before, beta, extrapolation, moving)
     over_batches(sweep, first, last)
     moving.finish()
-    return [code.total(sweep.squares.get()[0])]
+    return [code.total(vector) for vector in sweep.sums.get()]
 
 
 @vector_loop(results=5)
@@ -372,7 +401,7 @@ def _measured(code: Writer, first: _Value, last: _Value, lanes: _Lanes) -> list[
 def _relax_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
     before: Floats, beta: float, extrapolation: float,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     none = velocity[:0]
     return relax_faces_scalar(
         first, last, velocity, pair, block, impulse, before, beta, extrapolation, none, none
@@ -424,7 +453,7 @@ def end_gradient(first: int, last: int, gradient: Floats, inverse: Floats, own: 
 def _relax_tile(
     t: int, tiles: int, faces: FaceBatches, velocity: Floats, impulse: Floats, before: Floats,
     beta: float, extrapolation: float, gradient: Floats, inverse: Floats, own: Floats,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     """Relax one of the ``tiles`` of a color; the rest as in `relax_faces`."""
     first, last = faces.tile_start[t], faces.tile_start[t + 1]
     if faces.branch.size:
@@ -445,7 +474,7 @@ def _relax_on_threads(
     partial: Floats,
 ) -> None:  # fmt: skip
     for t in prange(first, last):
-        partial[t] = _relax_tile(
+        partial[t, 0], partial[t, 1] = _relax_tile(
             t, last - first, faces, velocity, impulse, before, beta, extrapolation, gradient,
             inverse, own,
         )  # fmt: skip
@@ -456,14 +485,14 @@ def relax_faces(
     faces: FaceBatches | None, color_start: NDArray[np.int64], velocity: Floats, impulse: Floats,
     before: Floats, beta: float, extrapolation: float, parallel: bool, partial: Floats,
     gradient: Floats, inverse: Floats, own: Floats,
-) -> float:  # fmt: skip
-    """Relax all batches; returns Σ of corrections² [m²/s²], the same on any number of threads.
+) -> tuple[float, float]:  # fmt: skip
+    """Relax all batches; returns what `sweep` does, of these, the same on any number of threads.
 
     ``impulse`` and ``before`` are those of all general contacts. In a cell ``gradient`` and
     ``inverse`` are its row of the velocities and of the inverse masses, ``own`` as in `CellTerms`.
     """
     if faces is None:
-        return 0.0
+        return 0.0, 0.0
     impulse, before = impulse[faces.first :], before[faces.first :]
     colors, tiles = color_start.size - 1, faces.tile_start.size - 1
     for color in range(colors + 1):  # and the tile after the last
@@ -475,16 +504,13 @@ def relax_faces(
             )  # fmt: skip
         else:
             for t in range(first, last):
-                partial[t] = _relax_tile(
+                partial[t, 0], partial[t, 1] = _relax_tile(
                     t, last - first, faces, velocity, impulse, before, beta, extrapolation,
                     gradient, inverse, own,
                 )  # fmt: skip
         if faces.branch.size:
             end_gradient(first, last, gradient, inverse, own)
-    total = 0.0
-    for t in range(tiles):
-        total += partial[t]
-    return total
+    return sum_tiles(partial[:tiles])
 
 
 @subroutine

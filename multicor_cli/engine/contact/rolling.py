@@ -212,9 +212,9 @@ def relax_couples(
     velocity: Floats, inverse: Floats, couples: Couples, impulse: Floats, general_impulse: Floats,
     before: Floats,
     extrapolation: float,
-) -> float:  # fmt: skip
-    """Relax all couples, extrapolated first; returns Σ of corrections² [m²/s²]; impulses flat."""
-    total = 0.0
+) -> tuple[float, float]:  # fmt: skip
+    """Relax all couples, extrapolated first; returns what `sweep` does, of these; impulses flat."""
+    squares, onward = 0.0, 0.0
     for k in range(couples.impulse.size):
         now = couples.impulse[k]
         p_r = now + extrapolation * (now - before[k])
@@ -223,8 +223,9 @@ def relax_couples(
         couples.impulse[k], before[k] = new, now
         push_couple(k, new - p_r, couples, velocity, inverse)
         correction = (new - p_r) / couples.inverse[k]
-        total += correction * correction
-    return total
+        squares += correction * correction
+        onward += correction * (new - now)
+    return squares, onward
 
 
 @loop_body

@@ -109,7 +109,7 @@ class ResidualScale:
 
     ``motion`` is the mean speed at which bodies in contact move past each other, ``load`` is u_load
     [m/s]: what rests is solved more sharply; so are impacts that lose next to nothing, by the
-    ``lost`` share of their energy.
+    ``lost`` share of their energy. Nothing is solved to less than ``least`` [m/s].
     """
 
     rms: float
@@ -118,11 +118,12 @@ class ResidualScale:
     motion: float = math.inf
     load: float = 0.0
     lost: float = 1.0
+    least: float = 0.0
 
     @classmethod
     def of(
         cls, speeds: Speeds, mass: float, count: int, weight: float, thrust: float,
-        attraction: float, restitution: Floats,
+        attraction: float, restitution: Floats, rounding: float,
     ) -> ResidualScale:  # fmt: skip
         """What residuals of a step are measured against (theory §5.3).
 
@@ -139,6 +140,7 @@ class ResidualScale:
             thrust: Δt P d̄ [N s].
             attraction: Largest F Δt of a contact [N s].
             restitution: Coefficients of all pairs of materials.
+            rounding: A velocity that moves nothing by more than positions are rounded [m/s].
         """
         mean_mass, closing = mass / count, speeds.closing
         load = max(
@@ -146,36 +148,43 @@ class ResidualScale:
             math.sqrt(speeds.squares / closing) if closing else 0.0,
         )
         mean_slip = speeds.slip / speeds.loaded if speeds.loaded else 0.0
-        reference = max(load, SLIPS * mean_slip)
+        reference, rms = max(load, SLIPS * mean_slip), max(load, SLIPS_RMS * mean_slip)
         bounce = float(restitution.max()) if closing else 0.0
         return cls(
-            max(load, SLIPS_RMS * mean_slip),
+            rms,
             reference,
             0.5 * mass * ((load or reference) * reference),
             speeds.motion / speeds.met if speeds.met else math.inf,
             load,
             max(1.0 - bounce * bounce, LEAST_LOSS),
+            max(rounding, REST_FLOOR * rms),
         )
 
     def tolerances(self, settings: Settings) -> Tolerances:
         rms = settings.tolerance_rms * self.rms
         share = FLOW_SHARE
         if self.load > 0.0:
-            share = min(FLOW_SHARE, max(REST_SHARE, self.motion / self.load * PER_LOAD))
+            moves = self.motion / self.load
+            at_rest = max(STILL_SHARE, REST_SHARE * min(1.0, moves / STILL))
+            share = min(FLOW_SHARE, max(at_rest, moves * PER_LOAD))
         return Tolerances(
             rms,
             settings.tolerance_max * self.velocity,
             settings.tolerance_energy * self.energy,
-            min(1.0, PER_LOSS * self.lost, max(share * self.motion, REST_FLOOR * self.rms) / rms),
+            min(1.0, PER_LOSS * self.lost, max(share * self.motion, self.least) / rms),
         )
 
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 
-REST_SHARE, FLOW_SHARE, PER_LOAD = 0.02, 0.04, 0.4
-"""Largest rms correction over the motion that there is, where sweeps allow: at rest, in a flow, and
-in between over the motion in units of u_load (theory §5.3)."""
+STILL_SHARE, REST_SHARE, FLOW_SHARE = 0.002, 0.02, 0.04
+"""Largest rms correction over the motion that there is, where sweeps allow: where next to nothing
+moves, at rest, and in a flow (theory §5.3)."""
+
+STILL, PER_LOAD = 1e-4, 0.4
+"""Motion in units of u_load below which it is next to nothing; by which the share grows in flows.
+"""
 
 PER_LOSS, LEAST_LOSS = 5.0, 1e-3
 """Share of the tolerance over the share 1 − e² of their energy that impacts lose, where sweeps
@@ -223,10 +232,10 @@ def solve_system(
     tolerance = scale.tolerances(settings)
     memory, momentum = start_loop(count), start_momentum(system)
     loop = memory[0]
-    partial = np.empty(system.tile_start.size - 1)
+    partial = np.empty((system.tile_start.size - 1, 2))
     met = nothing_met(system)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
-    slice_ = max(1, SLICE // count)
+    slice_, stuck = max(1, SLICE // count), 0
     outside = threads_in_use()
     try:
         while not loop["is_converged"] and loop["sweeps"] < settings.max_sweeps:
@@ -247,7 +256,9 @@ def solve_system(
                 time.perf_counter() - started,
             )
             if loop["is_stuck"]:
-                is_clustered = bool(loop["is_peak"]) or has_clusters(system)
+                # Where fresh momentum has not helped either, errors are patched wherever they are
+                stuck += 1
+                is_clustered = stuck > 1 or bool(loop["is_peak"]) or has_clusters(system)
                 done = int(loop["patches"])
                 if is_clustered and done < len(SIZES):
                     solve_patch(system, choose_patch(system, SIZES[done], met))

@@ -24,6 +24,9 @@ from multicor_cli.engine.contact.face_sweep import (
     end_gradient,
     first_of_batches,
     relax_faces,
+    sum_lanes,
+    sum_tiles,
+    take_turns,
 )
 from multicor_cli.engine.contact.law import (
     predict_and_correct,
@@ -177,9 +180,9 @@ def correction(g: int, frame: Floats, d_n: float, d_t: float) -> tuple[float, fl
 def relax_general(
     velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
     before: Floats, is_exact: bool, extrapolation: float, cell: CellTerms,
-) -> float:  # fmt: skip
-    """Relax all general contacts, extrapolated first; returns Σ of corrections² [m²/s²]."""
-    total = 0.0
+) -> tuple[float, float]:  # fmt: skip
+    """Relax all general contacts, extrapolated first; returns what `sweep` does, of these."""
+    squares, onward = 0.0, 0.0
     for g in range(pair.shape[0]):
         now_n, now_t = impulse[g, NORMAL], impulse[g, TANGENTIAL]
         p_n = now_n + extrapolation * (now_n - before[g, NORMAL])
@@ -192,8 +195,9 @@ def relax_general(
         if d_n != 0.0 or d_t != 0.0:
             push_general(g, d_n, d_t, velocity, inverse, pair, frame, lever, cell)
             c_n, c_t = correction(g, frame, d_n, d_t)
-            total += c_n * c_n + c_t * c_t
-    return total
+            squares += c_n * c_n + c_t * c_t
+            onward += c_n * (new_n - now_n) + c_t * (new_t - now_t)
+    return squares, onward
 
 
 # ---- The sweep
@@ -276,19 +280,19 @@ def relax_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats,
     beta: float, local: int,
     way: Relaxation,
-) -> float:  # fmt: skip
-    """Relax a lane; returns the square of its correction [m²/s²]."""
+) -> tuple[float, float]:  # fmt: skip
+    """Relax a lane; returns what `sweep` sums over the contacts."""
     # −0: adding it changes no bit
     return relax_moving_lane(
         lane, velocity, pair, frame, impulse, before, beta, local, way, -0.0, -0.0
-    )[0]
+    )[:2]
 
 
 @formula
 def relax_moving_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats,
     beta: float, local: int, way: Relaxation, more_x: float, more_y: float,
-) -> tuple[float, float, float]:  # fmt: skip
+) -> tuple[float, float, float, float]:  # fmt: skip
     """As `relax_lane` where something else adds to the velocity between the bodies [m/s].
 
     Velocities are read once. Also returns the change of the impulse in x and y [N s].
@@ -338,7 +342,8 @@ def relax_moving_lane(
     )
     w = mi + mj
     c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
-    return c_n * c_n + c_t * c_t, px, py
+    onward = c_n * (new_n - now_n) + c_t * (new_t - now_t)
+    return c_n * c_n + c_t * c_t, onward, px, py
 
 
 @loop_body
@@ -346,22 +351,19 @@ def relax_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int,
     way: Relaxation,
-) -> float:  # fmt: skip
-    """Relax batches ``first … last-1``; returns Σ of corrections² [m²/s²], over each lane first."""
-    a, b, c, d = 0.0, 0.0, 0.0, 0.0
-    for batch in range(first, last):
-        lane = np.uint64(LANES * batch)
-        a += relax_lane(lane, velocity, pair, frame, impulse, before, beta, local, way)
-        b += relax_lane(
-            lane + np.uint64(1), velocity, pair, frame, impulse, before, beta, local, way
+) -> tuple[float, float]:  # fmt: skip
+    """Relax batches ``first … last-1``.
+
+    Returns what `sweep` does, of these: over each lane first.
+    """
+    squares, onward = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    for lane in range(LANES * first, LANES * last):
+        square, on = relax_lane(
+            np.uint64(lane), velocity, pair, frame, impulse, before, beta, local, way
         )
-        c += relax_lane(
-            lane + np.uint64(2), velocity, pair, frame, impulse, before, beta, local, way
-        )
-        d += relax_lane(
-            lane + np.uint64(3), velocity, pair, frame, impulse, before, beta, local, way
-        )
-    return a + b + c + d
+        # Each lane for itself: the sums take turns
+        squares, onward = take_turns(squares, square), take_turns(onward, on)
+    return sum_lanes(squares), sum_lanes(onward)
 
 
 @loop_body
@@ -369,7 +371,7 @@ def _relax_exact_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float,
     normal: float, tangential: float, extrapolation: float,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     way = Relaxation(normal, tangential, extrapolation)
     return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, EXACT, way)
 
@@ -391,14 +393,14 @@ def stretch_of(
 def relax_stretched_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, own: Floats,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     """As `relax_scalar` in a cell; ``branch`` is flat.
 
     ``own`` has three rows of four, flat: the gradient L with which it begins, what p ⊗ ℓ changes it
     by, and what is **modified**: Σ p ⊗ ℓ over the changes of impulses, xx, yy and xy [N s m]. Each
     batch moves L on for those that come `LATE` batches after the next.
     """
-    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    squares, onward = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
     now = own[XX], own[YY], own[XY]
     late = later = whole = (0.0, 0.0, 0.0)
     for batch in range(first, last):
@@ -407,12 +409,12 @@ def relax_stretched_scalar(
             lane = np.uint64(LANES * batch + column)
             place = branch_place(lane)
             lx, ly = branch[place], branch[place + BRANCH_Y_]
-            square, px, py = relax_moving_lane(
+            square, on, px, py = relax_moving_lane(
                 lane, velocity, pair, frame, impulse, before, beta, local, way,
                 now[XX] * lx + now[XY] * ly, now[YY] * ly,
             )  # fmt: skip
             # Each lane for itself: the sums take turns
-            a, b, c, d = b, c, d, a + square
+            squares, onward = take_turns(squares, square), take_turns(onward, on)
             pulled = pulled[XX] + px * lx, pulled[YY] + py * ly, pulled[XY] + px * ly
         now = (
             now[XX] + own[LANES + XX] * late[XX], now[YY] + own[LANES + YY] * late[YY],
@@ -421,7 +423,7 @@ def relax_stretched_scalar(
         late, later = later, pulled
         whole = whole[XX] + pulled[XX], whole[YY] + pulled[YY], whole[XY] + pulled[XY]
     own[2 * LANES + XX], own[2 * LANES + YY], own[2 * LANES + XY] = whole
-    return a + b + c + d
+    return sum_lanes(squares), sum_lanes(onward)
 
 
 @loop_body
@@ -429,7 +431,7 @@ def _relax_exact_stretched_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, normal: float, tangential: float, extrapolation: float,
     branch: Floats, own: Floats,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     way = Relaxation(normal, tangential, extrapolation)
     return relax_stretched_scalar(
         first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, own
@@ -444,7 +446,7 @@ def _relax_stretched(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, gradient: Floats,
     inverse: Floats, tiles: int, own: Floats,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     """Relax a tile of a cell; arguments as `begin_gradient` and `relax_stretched_scalar`."""
     begin_gradient(gradient, inverse, tiles, own)
     if local == EXACT:
@@ -462,7 +464,7 @@ def _relax_range(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int,
     way: Relaxation,
-) -> float:  # fmt: skip
+) -> tuple[float, float]:  # fmt: skip
     if local == EXACT:
         return _relax_exact(
             first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
@@ -480,13 +482,13 @@ def _relax_tiles_on_threads(
     for color in range(color_start.size - 1):
         for t in prange(color_start[color], color_start[color + 1]):
             if branch.size:
-                partial[t] = _relax_stretched(
+                partial[t, 0], partial[t, 1] = _relax_stretched(
                     tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
                     local, way, branch, gradient, inverse,
                     color_start[color + 1] - color_start[color], own[t],
                 )  # fmt: skip
             else:
-                partial[t] = _relax_range(
+                partial[t, 0], partial[t, 1] = _relax_range(
                     tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
                     local, way,
                 )  # fmt: skip
@@ -506,7 +508,7 @@ def _relax_cell(
         begin = color_start[color]
         end = color_start[color + 1] if color + 1 < color_start.size else tile_start.size - 1
         for t in range(begin, end):
-            partial[t] = _relax_stretched(
+            partial[t, 0], partial[t, 1] = _relax_stretched(
                 tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
                 local, way, branch, gradient, inverse, end - begin, own[t],
             )  # fmt: skip
@@ -516,13 +518,17 @@ def _relax_cell(
 @kernel
 def sweep(
     s: System, before: Before, local: int, way: Relaxation, parallel: bool, partial: Floats
-) -> float:
-    """One Gauss–Seidel sweep over all contacts and couples; returns Σ of corrections² [m²/s²].
+) -> tuple[float, float]:
+    """One Gauss–Seidel sweep over all contacts and couples.
+
+    Returns Σ c² [m²/s²] over the corrections c = W d of velocities, with d what an impulse has
+    changed by since it was extrapolated, and Σ c (p − p_before) [J]: below 0 where the corrections
+    point against what has changed since the sweep before.
 
     ``before`` are the impulses before the last sweep, on return those before this one. ``way`` has
     the factors of the exact local solve and of the extrapolation of impulses (velocities have had
     theirs). Results on several threads (``parallel``), which relax the tiles of one color, are the
-    same. ``partial`` is work space, shape ``(tiles,)``.
+    same. ``partial`` is work space, shape ``(tiles, 2)``.
     """
     velocity, pair, frame, impulse = (
         s.velocity.reshape(-1),
@@ -547,28 +553,31 @@ def sweep(
         )  # fmt: skip
         first = start.size - 1
     for t in range(first, start.size - 1):
-        partial[t] = _relax_range(
+        partial[t, 0], partial[t, 1] = _relax_range(
             start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, local, way
         )
-    total = 0.0
-    for t in range(partial.size):
-        total += partial[t]
+    sums = sum_tiles(partial)
     alone = s.general_pair.shape[0]
     if local == EXACT:
         alone = first_of_batches(s.faces, alone)
-    total += relax_general(
+    of_general = relax_general(
         s.velocity, s.inverse, s.general_pair[:alone], s.general_frame, s.general_lever,
         s.general_impulse, before.general_impulse, local == EXACT, way.extrapolation, s.cell,
     )  # fmt: skip
+    of_faces = 0.0, 0.0
     if local == EXACT:
-        total += relax_faces(
+        of_faces = relax_faces(
             s.faces, s.color_start, velocity, s.general_impulse, before.general_impulse, beta,
             way.extrapolation, parallel, partial, gradient, inverse, s.cell.own,
         )  # fmt: skip
-    return total + relax_couples(
+    of_couples = relax_couples(
         s.velocity, s.inverse, s.couples, impulse, s.general_impulse, before.couple,
         way.extrapolation,
     )  # fmt: skip
+    return (
+        sums[0] + of_general[0] + of_faces[0] + of_couples[0],
+        sums[1] + of_general[1] + of_faces[1] + of_couples[1],
+    )
 
 
 @formula

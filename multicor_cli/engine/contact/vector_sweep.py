@@ -1,7 +1,7 @@
-"""The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation.
+"""The loops of the solver over diagonal contacts, four at a time: sweep, residual, pushes.
 
 What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar`, `push_scalar`
-and `extrapolate_scalar`, to the bit. Arrays are those of a `System`, flat.
+and `pull_scalar`, to the bit. Arrays are those of a `System`, flat.
 """
 
 from __future__ import annotations
@@ -209,7 +209,7 @@ class _Sweep:
             code.spread(tangential) * (one / self.one_plus_beta),
         )
         self.extrapolation = code.spread(extrapolation)
-        self.squares = code.keep([code.number(0.0)])
+        self.sums = code.keep([code.number(0.0)] * 2)
 
     def gather(self, batch: _Value) -> list[Vector]:
         """u_n + b, u_t and W_nn of the contacts."""
@@ -224,15 +224,21 @@ class _Sweep:
     def solve(self, batch: _Value, u_n: Vector, u_t: Vector, w: Vector) -> list[Vector]:
         """New impulses; returns what changes the bodies."""
         nx, ny, w_inverse, mu = self.code.block(self.frame, batch, FRAME_ROWS, NX, NY, MASS, MU)
-        p_n, p_t = self._extrapolated(batch)
+        now_n, now_t = self.code.block(self.impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        p_n, p_t = self._extrapolated(batch, now_n, now_t)
         new_n = (p_n - u_n * (self.normal * w_inverse)).larger(self.code.number(0.0))
         bound = mu * new_n
         new_t = (p_t - u_t * (self.tangential * w_inverse)).smaller(bound).larger(-bound)
         self._store(self.impulse, batch, new_n, new_t)
         d_n, d_t = new_n - p_n, new_t - p_t
         c_n, c_t = w * d_n, w * self.one_plus_beta * d_t
-        (squares,) = self.squares.get()
-        self.squares.put([squares + (c_n * c_n + c_t * c_t)])
+        squares, onward = self.sums.get()
+        self.sums.put(
+            [
+                squares + (c_n * c_n + c_t * c_t),
+                onward + (c_n * (new_n - now_n) + c_t * (new_t - now_t)),
+            ]
+        )
         px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
         if self.stretch:
             self.stretch.pull(batch, px, py)
@@ -242,9 +248,8 @@ class _Sweep:
         """Change the velocities of the bodies."""
         _apply(self.code, self.velocity, bodies_of(self.code, self.pair, batch), px, py, spin)
 
-    def _extrapolated(self, batch: _Value) -> list[Vector]:
-        """Impulses moved on by their last change; what they were is written down as the last."""
-        now = self.code.block(self.impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+    def _extrapolated(self, batch: _Value, *now: Vector) -> list[Vector]:
+        """Impulses moved on by their last change; what they are ``now`` is noted as the last."""
         last = self.code.block(self.before, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
         self._store(self.before, batch, *now)
         return [p + self.extrapolation * (p - q) for p, q in zip(now, last, strict=True)]
@@ -276,7 +281,7 @@ def over_batches(sweep: Any, first: _Value, last: _Value) -> None:
         sweep.apply(code.offset(last, -1), *sweep.solve(code.offset(last, -1), *gathered.get()))
 
 
-@vector_loop(results=1)
+@vector_loop(results=2)
 def relax_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
     impulse: _Value, before: _Value,
@@ -287,10 +292,10 @@ def relax_batches(
         code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation)
     )
     over_batches(sweep, first, last)
-    return [code.total(sweep.squares.get()[0])]
+    return [code.total(vector) for vector in sweep.sums.get()]
 
 
-@vector_loop(results=1)
+@vector_loop(results=2)
 def relax_stretched_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
     impulse: _Value, before: _Value,
@@ -305,7 +310,7 @@ def relax_stretched_batches(
     )  # fmt: skip
     over_batches(sweep, first, last)
     stretch.finish()
-    return [code.total(sweep.squares.get()[0])]
+    return [code.total(vector) for vector in sweep.sums.get()]
 
 
 class ResidualSums:
@@ -409,27 +414,4 @@ def pull_batches(
         lx, ly = code.block(branch, batch, BRANCH_ROWS, X, Y)
         added = _pull(p_n * nx - p_t * ny, p_n * ny + p_t * nx, lx, ly)
         sums.put([a + b for a, b in zip(sums.get(), added, strict=True)])
-    return [code.total(vector) for vector in sums.get()]
-
-
-@vector_loop(results=2)
-def extrapolate_rows(
-    code: Writer, first: _Value, last: _Value, now: _Value, before: _Value, change: _Value,
-    weight: _Value, factor: _Value,
-) -> list[_Value]:  # fmt: skip
-    """As `extrapolate_scalar`."""
-    zero, by = code.number(0.0), code.spread(factor)
-    sums = code.keep([zero, zero])
-    with code.each(first, last) as row:
-        at = code.times(row, LANES)
-        new, old, last_change, mass = (
-            code.load(array, at) for array in (now, before, change, weight)
-        )
-        step = new - old
-        code.store(change, at, step)
-        code.store(before, at, new)
-        code.store(now, at, new + by * step)
-        weighted = mass * step
-        cross, square = sums.get()
-        sums.put([cross + weighted * last_change, square + weighted * step])
     return [code.total(vector) for vector in sums.get()]

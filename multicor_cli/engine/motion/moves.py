@@ -15,17 +15,17 @@ from multicor_cli.model.state import LARGEST
 def predict(
     position: Floats, velocity: Floats, radius: Floats, mass: Floats, gravity: Floats, dt: float,
     middle: Floats, start: Floats, free: Floats,
-) -> bool:  # fmt: skip
+) -> float:  # fmt: skip
     """Positions at mid-step and free velocities of the grains.
 
     **Modifies** ``middle``, q_m, and the grains of ``start`` and ``free``, bodies (v_x, v_y, a ω,
-    1/m) at the start of the step and with free velocities. Returns whether all numbers are finite
-    and none is absurd.
+    1/m) at the start of the step and with free velocities. Returns the largest coordinate [m];
+    infinite if a number is not finite or absurd.
     """
     count, half = radius.size, 0.5 * dt
-    is_bad = np.zeros((count + CHUNK - 1) // CHUNK, np.bool_)
-    for chunk in prange(is_bad.size):
-        bad = False
+    largest = np.zeros((count + CHUNK - 1) // CHUNK)
+    for chunk in prange(largest.size):
+        far = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for d in range(3):
                 middle[i, d] = position[i, d] + half * velocity[i, d]
@@ -48,12 +48,13 @@ def predict(
                 + abs(middle[i, ANGLE])
             )
             if not size <= LARGEST:  # or nan
-                bad = True
-        is_bad[chunk] = bad
-    sound = True
-    for chunk in range(is_bad.size):
-        sound = sound and not is_bad[chunk]
-    return sound
+                far = np.inf
+            far = max(far, abs(middle[i, X]), abs(middle[i, Y]))
+        largest[chunk] = far
+    far = 0.0
+    for chunk in range(largest.size):
+        far = max(far, largest[chunk])
+    return far
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
 
@@ -28,6 +29,7 @@ from multicor_cli.model.columns import BELT
 from multicor_cli.model.model import ContactLaws, Floats
 from multicor_cli.model.state import find_absurd_value
 
+_ROUNDING = 2.0**-52
 _NO_FALL, _NO_FLOW = np.zeros(2), np.zeros(3)
 
 
@@ -44,6 +46,7 @@ class Prediction(NamedTuple):
         convected: Δt Σ m c⊗c of the grains of a cell: xx, yy, xy [J s]; else of size 0.
         growth: Grains that expand or shrink; or None.
         pieces: Pieces of grains that are no discs, as they lie at q_m; or None.
+        rounding: A velocity that moves no grain by more than positions are rounded [m/s].
     """
 
     dt: float
@@ -55,6 +58,7 @@ class Prediction(NamedTuple):
     convected: Floats = np.empty(0)
     growth: Growth | None = None
     pieces: Pieces | None = None
+    rounding: float = 0.0
 
 
 def refuse_state(layout: Layout) -> NoReturn:
@@ -88,7 +92,7 @@ class Predictor:
         state, model = layout.state, layout.model
         n, grains = model.grain_count, model.grains
         growth = layout.grow(dt) if state.radius.size else None
-        is_sound = predict(
+        largest = predict(
             state.position, state.velocity if growth is None else growth.velocity,
             model.spin_radius, grains.mass, gravity, dt, layout.middle, layout.before, layout.free,
         )  # fmt: skip
@@ -110,14 +114,14 @@ class Predictor:
                 convected += convected_by(flight.impacts, 0.5 * (walls[0] - motion.before[0]))
         layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
         layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
-        if not (
-            is_sound and are_sound(walls, motion.before, state.wall_position, motion.belt_before)
-        ):
+        is_sound = are_sound(walls, motion.before, state.wall_position, motion.belt_before)
+        if not (is_sound and largest < math.inf):
             refuse_state(layout)
         scene = scene_of(model, layout.middle, middle, temperature)
         step = Prediction(
             dt, gravity, scene, self._cutoff(scene, gravity, walls, dt), 0.0, flight, convected,
             growth, None if layout.pieces is None else turned(layout.pieces, scene),
+            _ROUNDING * largest / dt,
         )  # fmt: skip
         if model.is_cell:  # in which nothing moves by itself
             return step

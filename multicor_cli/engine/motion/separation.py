@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
+from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, start_loop
 from multicor_cli.engine.geometry.outlines import Point, points_within, touch_pieces
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces, pieces_met, turn_by
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, shortest
-from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.cell import carry
@@ -58,14 +57,12 @@ class _Bodies(NamedTuple):
         number: Row of each grain and wall, shape ``(n + w,)``.
         mobility: Inverse masses in x and y [1/kg] and moment of inertia [1/(kg·m²)], 0 where none
             turns, and an unused column, shape ``(held + 2, 4)``.
-        weight: Their reciprocals, 0 where held, shape ``(held + 2, 4)``.
         held: Number of movable bodies.
         strains: Whether a cell is strained.
     """
 
     number: Ints
     mobility: Floats
-    weight: Floats
     held: int
     strains: bool
 
@@ -89,24 +86,20 @@ def _bodies(
         if marked[k] if k < n else wall_inverse[k - n, X] > 0.0 or wall_inverse[k - n, Y] > 0.0:
             number[k] = count
             count += 1
-    mobility, weight = np.zeros((count + 2, 4)), np.zeros((count + 2, 4))
+    mobility = np.zeros((count + 2, 4))
     strains = False
     for d in range(3 if is_cell else 0):
-        inverse = wall_inverse[0, d]
-        strains = strains or inverse > 0.0
-        mobility[count + 1, d] = inverse
-        weight[count + 1, d] = 1.0 / inverse if inverse > 0.0 else 0.0
+        mobility[count + 1, d] = wall_inverse[0, d]
+        strains = strains or wall_inverse[0, d] > 0.0
     for k in range(n + w):
         if number[k] < 0:
             number[k] = count
             continue
         for d in range(2):
-            inverse = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
-            mobility[number[k], d] = inverse
-            weight[number[k], d] = 1.0 / inverse if inverse > 0.0 else 0.0
+            mobility[number[k], d] = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
         if inertia is not None and k < n:
-            mobility[number[k], ANGLE], weight[number[k], ANGLE] = 1.0 / inertia[k], inertia[k]
-    return _Bodies(number, mobility, weight, count, strains)
+            mobility[number[k], ANGLE] = 1.0 / inertia[k]
+    return _Bodies(number, mobility, count, strains)
 
 
 @kernel
@@ -213,7 +206,7 @@ def _relax(
     mobility: Floats,
     shift: Floats,
 ) -> float:
-    """Relax a pair; returns by how much it opens or closes [m]."""
+    """Relax a pair; returns by how much it opens, or closes if that is negative [m]."""
     a, b = pair[c, FIRST], pair[c, SECOND]
     nx, ny = frame[c, NX], frame[c, NY]
     gap = frame[c, GAP] + nx * (shift[a, X] - shift[b, X]) + ny * (shift[a, Y] - shift[b, Y])
@@ -238,7 +231,7 @@ def _relax(
         shift[strain, XX] += mobility[strain, XX] * change * nx * frame[c, _LX]
         shift[strain, YY] += mobility[strain, YY] * change * ny * frame[c, _LY]
         shift[strain, XY] += mobility[strain, XY] * change * nx * frame[c, _LY]
-    return abs(change) / frame[c, _MASS]
+    return change / frame[c, _MASS]
 
 
 @kernel
@@ -257,33 +250,21 @@ def _solve(
     an array after its last use, while a record of it is still in use.
     """
     shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
-    before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
-    now, then, last, weight = (
-        shift.reshape(-1),
-        before.reshape(-1),
-        change.reshape(-1),
-        bodies.weight.reshape(-1),
-    )
+    now, last_push = shift.reshape(-1), np.zeros_like(push)
+    last = np.zeros_like(now)
     loop = memory[0]
     for _ in range(sweeps):
-        largest, squares = 0.0, 0.0
+        largest, squares, onward = 0.0, 0.0, 0.0
         for c in range(push.size):
             moved = _relax(c, pair, frame, lever, push, bodies.mobility, shift)
-            largest = max(largest, moved)
+            largest = max(largest, abs(moved))
             squares += moved * moved
+            onward += moved * (push[c] - last_push[c])
         if largest <= enough:
             break
-        moved = np.sqrt(squares)
-        factor = choose_factor(moved, RESTART_GROWTH, loop)
-        cross, square = extrapolate(0, shift.shape[0], now, then, last, weight, factor)
-        if loop["factor"] * cross > square:
-            factor = restart(moved, loop)
-            copy_into(now, then)
-        loop["factor"] = factor
-        for c in range(push.size):
-            new = push[c]
-            push[c] = new + factor * (new - last_push[c])
-            last_push[c] = new
+        factor = choose_factor(np.sqrt(squares), onward, RESTART_GROWTH, loop)
+        extrapolate(0, now.size, now, last, factor)
+        extrapolate(0, push.size, push, last_push, factor)
     return shift
 
 

@@ -224,7 +224,7 @@ def test_contacts_slide_where_friction_is_mobilized(name, run):
     change within a step."""
     floor = {"geometry": plane(), "thermal": {"temperature": 340.0}}
     said = {
-        "size": [0.02, 0.02], "periodic": True, "frame_interval": 0.01, "dt": 1e-4,
+        "size": [0.02, 0.02], "periodic": True, "frame_interval": 0.002, "dt": 1e-4,
         "gravity": [3.0, -9.0], "loading": [{"duration": 0.1}],
         "grains": {"count": 60, "sizes": {"kind": "uniform", "min": 0.5e-3, "max": 1e-3}},
         "walls": {

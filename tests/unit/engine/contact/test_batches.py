@@ -11,14 +11,24 @@ from places import DATA
 from scene_parts import advance, shear_engine
 
 from multicor_cli.engine.contact import residual, sweep, vector_sweep
-from multicor_cli.engine.contact.acceleration import extrapolate_scalar
 from multicor_cli.engine.contact.ordering import SPACING, make_batches
 from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
 from multicor_cli.engine.contact.sweep import EXACT, NO_CELL, Before, CellTerms, Relaxation, System
 from multicor_cli.engine.contact.system import OneByOne, batch, by_slot, flatten
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
-from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SURFACE, TANGENTIAL, X, Y
+from multicor_cli.model.columns import (
+    INVERSE_MASS,
+    MASS,
+    NORMAL,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 
 needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not compiled")
 
@@ -164,10 +174,39 @@ def test_batches_make_the_sweep_of_one_contact_after_the_other(count):
     before = Before(system.impulse.copy(), system.general_impulse, system.couples.impulse)
     for _ in range(3):
         one_sweep(contacts, velocity, system.spin_factor)
-        sweep.sweep(system, before, EXACT, WAYS[0], False, np.empty(1))
+        sweep.sweep(system, before, EXACT, WAYS[0], False, np.empty((1, 2)))
     assert by_slot(system.slot, system.impulse, count).tolist() == contacts.impulse.tolist()
     assert system.velocity[:30].tolist() == velocity.tolist()
     assert not system.velocity[30:].any()  # bodies of empty lanes
+
+
+def test_sweep_says_how_far_and_where_its_corrections_point():
+    """Σ c² and Σ c (p − p_before), with c = W d from impulses alone: walls, too."""
+    is_against = []
+    for name, system in [("real", real_system(20)), *systems()]:
+        before = Before(0.8 * system.impulse, 1.1 * system.general_impulse, np.empty(0))
+        partial = np.empty((len(system.tile_start) - 1, 2))
+        for way in (Relaxation(1.0, 1.0, 5.0), WAYS[0], WAYS[1]):
+            old, last = system.impulse.copy(), before.impulse.copy()
+            old_general, last_general = system.general_impulse.copy(), before.general_impulse.copy()
+            squares, onward = sweep.sweep(system, before, EXACT, way, False, partial)
+            w = 1.0 / system.frame[:, MASS]
+            d = system.impulse - (old + way.extrapolation * (old - last))
+            c = d * np.stack([w, (1.0 + system.spin_factor) * w], axis=1)
+            step, new = system.impulse - old, system.general_impulse
+            d = new - (old_general + way.extrapolation * (old_general - last_general))
+            w_nn, w_nt, w_tt = system.general_frame[:, [W_NN, W_NT, W_TT]].T
+            general = np.stack(
+                [w_nn * d[:, 0] + w_nt * d[:, 1], w_nt * d[:, 0] + w_tt * d[:, 1]], axis=1
+            )
+            expected = (c**2).sum() + (general**2).sum()
+            assert squares == pytest.approx(expected, rel=1e-9, abs=1e-300), name
+            against = (c * step).sum() + (general * (new - old_general)).sum()
+            size = np.abs(c * step).sum() + np.abs(general * (new - old_general)).sum()
+            assert onward == pytest.approx(against, abs=1e-9 * size), name
+            is_against.append(onward < 0.0)
+            assert way.extrapolation > 0.0 or onward >= 0.0, name
+    assert 0 < sum(is_against) < len(is_against)
 
 
 @kernel
@@ -319,29 +358,6 @@ def test_pushes_have_the_bits_of_the_scalar_ones():
             results.append(bits(own.velocity))
         assert results[0] == results[1], name
         assert (results[0] != bits(system.velocity)) == system.impulse.any(), name
-
-
-@kernel
-def extrapolate_as_vectors(first, last, now, before, change, weight, factor):
-    return vector_sweep.extrapolate_rows(first, last, now, before, change, weight, factor)
-
-
-@kernel
-def extrapolate_one_by_one(first, last, now, before, change, weight, factor):
-    return extrapolate_scalar(first, last, now, before, change, weight, factor)
-
-
-@needs_vectors
-@pytest.mark.parametrize("factor", [0.0, 0.6])
-def test_extrapolation_has_the_bits_of_the_scalar_one(factor):
-    for rows in (0, 1, 5, 700):
-        given = np.random.default_rng(rows).normal(size=(4, 4 * rows))
-        results = []
-        for extrapolate in (extrapolate_as_vectors, extrapolate_one_by_one):
-            now, before, change, weight = given.copy()
-            products = extrapolate(rows // 3, rows, now, before, change, weight, factor)
-            results.append((products, bits(now, before, change)))
-        assert results[0] == results[1]
 
 
 FALLBACK = """
