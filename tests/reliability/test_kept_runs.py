@@ -22,18 +22,18 @@ VERSIONS = sorted(
 )
 
 ENDS = {
-    "1.0": {"state": "083bebcc11c6865faa104e2497513834", "data": "557f2b3ce1f999e304c5ea75f56f2647"},
-    "1.1": {"state": "41f797c31b288df1b49c8185ed234244", "data": "ed1bb5ecb40d4cdb6e072856773086b4"},
-    "1.2": {"state": "41f797c31b288df1b49c8185ed234244", "data": "7d83a7194cf753be8bfd69ec049f6531"},
-    "1.3": {"state": "41f797c31b288df1b49c8185ed234244", "data": "bf5487a7966976262b22da18c644e829"},
-    "1.4": {"state": "e03604ecb9d42740f065c0c7c0351906", "data": "df97971a3e524176958da8b42f62b23d"},
-    "1.5": {"state": "c22d36e995c419d98146cb6a0a5c6748", "data": "869c1e00228271ea695b28406ecb555a"},
-    "1.6": {"state": "70972fcc2bd696c7a5b58368168d86e3", "data": "6b3522347c5eff56e7363f567cb523ba"},
-    "1.7": {"state": "fb3ff2e99b29b041ce81cdf65b48867a", "data": "e4992d72164edbed5505caab216f92b7"},
-    "1.8": {"state": "e61a98ef0b45772e0ed5c4afff524a4a", "data": "598eba2dbb3987b8842b88c30ff287fb"},
-    "1.9": {"state": "e61a98ef0b45772e0ed5c4afff524a4a", "data": "598eba2dbb3987b8842b88c30ff287fb"},
-    "1.10": {"state": "e61a98ef0b45772e0ed5c4afff524a4a", "data": "dd6dec9d0c789986bfd8e42020dfb604"},
-    "1.11": {"state": "d5f45548d1a9135fcf7b1f3e769f0197", "data": "d26ce9bf565cc4e486cd2fdcc7ebaef8"},
+    "1.0": {"state": "e550575b2347e087d0bcf2226bb5a246", "data": "bf50d636cc36569577229f613c953f6b"},
+    "1.1": {"state": "7bf3fca532ded7eb589b09853b62d66a", "data": "174abe0830ed702fbfc29af6789f7890"},
+    "1.2": {"state": "7bf3fca532ded7eb589b09853b62d66a", "data": "7d6790329945ef354a12c5cf31702b51"},
+    "1.3": {"state": "7bf3fca532ded7eb589b09853b62d66a", "data": "c10768afb8d4e5f0864deab199690285"},
+    "1.4": {"state": "f4f9b71f78b8dbf31e609f26f2163357", "data": "9b7b460766dd4e5176bd542e431878c1"},
+    "1.5": {"state": "e6ee03635d2d3800fa48be0859565f75", "data": "3ec24035af600c480ec85c91c67785ce"},
+    "1.6": {"state": "4f34fec43c2cad83460aec2f58ab5e0e", "data": "1d1eab821b5ac79cd5fbeeefea7cd505"},
+    "1.7": {"state": "c82fad2be43ef5b26d357ade398f362b", "data": "da3338cfa9b1bef0fc48a2f823d17535"},
+    "1.8": {"state": "b77a2be7adb5f62412389517d7835bca", "data": "1773865e228b1ba413a68de32aa0e453"},
+    "1.9": {"state": "b77a2be7adb5f62412389517d7835bca", "data": "1773865e228b1ba413a68de32aa0e453"},
+    "1.10": {"state": "b77a2be7adb5f62412389517d7835bca", "data": "693ab8e7aa5a73c13c3d1752985e50a1"},
+    "1.11": {"state": "f50688a5f905f683e1b67349bc1b1355", "data": "5ba68e69931a94d77805c3507edf2094"},
     "1.12": {"state": "244bc0d383e812f2aec1abe14a5ce43b", "data": "176679df54f772f09055a88caf84cd82"},
 }  # fmt: skip
 """Digests with which the unfinished run of each version ends, whose files stay of that version.
