@@ -75,16 +75,18 @@ from multicor_cli.engine.motion.moves import are_sound, move, wrap
 from multicor_cli.engine.motion.prediction import Prediction, Predictor, refuse_state
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, StepReport
+from multicor_cli.engine.plain_step import PlainSteps
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import SPIN, SURFACE
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
+from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Ints, Model
 from multicor_cli.model.state import State
 
 NEAREST = 0.01
 """Gap up to which points of pairs with corners always count, over the mean diameter."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
+_NO_POINTS = np.empty(0, np.int32)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
@@ -145,6 +147,7 @@ class Engine:
         self.heat = heat
         self._population = None if inflow is None else Population(model, state, inflow)
         self.orders = Orders()
+        self._plain = PlainSteps()
         self._lay_out()
         self.resume(self.orders)
 
@@ -188,6 +191,7 @@ class Engine:
         )
         self.orders = orders
         self._laws = laws.with_ranges(self.model.mean_diameter)
+        self._rebounds = bool(laws.restitution.any())
         self._begin_heat()
 
     def pass_grains(self) -> None:
@@ -373,13 +377,16 @@ class Engine:
         step = self._predict(dt, t)
         self._clock("predict")
 
+        if self._is_plain(step):
+            return self._move_plainly(step, should_stop)
+        loaded = state.contact_i, state.contact_j, state.contact_point
+
         # Contacts serve until another pair may close in a step; where the solved velocities carry
         # one that far, all are solved once more with it.
         self._select(step)
         self._clock("detect")
         margin, is_missing, least = 0.0, True, self._least_gap()
         stopped = np.zeros(layout.model.grain_count, np.bool_)
-        bounces = float(self._laws.restitution.max(initial=0.0)) > 0.0
         while is_missing:
             contacts, scale, is_solved, lacking, beyond = self._gather(step, least, stopped)
             if lacking > 0.0:
@@ -394,7 +401,7 @@ class Engine:
                 )
             self._clock("solve")
             after = ordered.collect(contacts)
-            if step.pieces is not None and bounces and stop_rebounds(
+            if step.pieces is not None and self._rebounds and stop_rebounds(
                 step.scene, step.pieces, layout.before, layout.free, after,
                 layout.model.grains.mass, selection.faces, contacts, stopped,
             ):  # fmt: skip
@@ -417,23 +424,90 @@ class Engine:
                     least, is_missing = 2.0 * closed, True
             self._clock("detect")
         outcome.require_convergence(self.orders.settings, state.step)
-        return self._end(step, contacts, after, outcome, cutoff)
+        return self._end(step, contacts, after, outcome, cutoff, loaded)
+
+    # ---- The same of discs, where nothing happens but contacts: in two calls and a solve
+
+    def _is_plain(self, step: Prediction) -> bool:
+        """Whether `_move_plainly` takes the step: with the same bits."""
+        is_rare = step.flight is not None or step.growth is not None or step.pieces is not None
+        if is_rare or self.model.is_cell or self._layout.threads > 1 or not self._laws.are_plain:
+            return False
+        return self._plain.are_known
+
+    def _move_plainly(self, step: Prediction, should_stop: Callable[[], bool] | None) -> StepReport:
+        layout, state, motion, settings = (
+            self._layout, self._layout.state, self._motion, self.orders.settings,
+        )  # fmt: skip
+        selection, plain, n = layout.selection, self._plain, layout.model.grain_count
+        loaded = state.contact_i, state.contact_j, state.contact_point
+        weight = step.dt * hypot(*step.gravity.tolist())
+        thrust = step.dt * motion.pressure() * layout.model.mean_diameter
+        is_loaded = weight > 0.0 or thrust > 0.0
+
+        speeds = plain.begin(layout, step, motion, self._laws, is_loaded=is_loaded)
+        if speeds is None:
+            self._select(step)
+        margin, ended = 0.0, None
+        while ended is None:
+            if speeds is None:
+                selection.schedule(step.scene, motion.is_free, self._laws, layout.before, state)
+                speeds = plain.begin(
+                    layout, step, motion, self._laws, is_loaded=is_loaded, are_sought=True
+                )
+                assert speeds is not None
+            scale = ResidualScale.of(
+                speeds, layout.mass, n, weight, thrust, 0.0, self._laws.restitution, step.rounding
+            )
+            self._clock("prepare")
+            outcome = solve_system(
+                selection.system(layout.model.shape_factor), scale, settings, layout.threading,
+                should_stop,
+            )  # fmt: skip
+            self._clock("solve")
+            is_enough = outcome.converged or settings.on_failure == "warn"
+            ended, fastest = plain.end(layout, step, motion, is_enough=is_enough)
+            if fastest > 0.0:
+                margin = max(2.0 * margin, 1.5 * step.dt * fastest, self._margin(step))
+                selection.seek(step.scene, None, margin)
+                speeds = None
+            else:
+                outcome.require_convergence(settings, state.step)
+        if not math.isfinite(ended.kinetic):
+            refuse_state(layout)
+        state.wall_surface = motion.surface_after(state)
+        strayed = _NONE
+        if self._heat is not None:
+            strayed = 0.5 * step.dt * (layout.before[:n, :2] + ended.after[:n, :2])
+        self._clock("move")
+        overlap = float(ended.sums.total[OVERLAP])
+        correction = self._correct(
+            step, ended.end, None, _NONE, ended.cutoff, overlap, ended.beside
+        )
+        self._clock("correct")
+        book_step(
+            state, motion, ended.sums, ended.kinetic, ended.gravity_work, correction, outcome,
+            step.dt,
+        )  # fmt: skip
+        return self._report(
+            step, selection.contacts, ended.after, outcome, correction, ended.sums, loaded, strayed
+        )
 
     def _predict(self, dt: float, t: float) -> Prediction:
         temperature = np.empty(0)
         if self._heat is not None and self._laws.depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
-        return Predictor(self._layout, self._motion, self._laws).predict(
+        return Predictor(self._layout, self._motion, self._laws, self._rebounds).predict(
             self._gravity.value(t + 0.5 * dt), temperature, dt, t
         )
 
     def _end(
-        self, step: Prediction, contacts: Contacts, after: Floats, outcome: Outcome, cutoff: float
-    ) -> StepReport:
+        self, step: Prediction, contacts: Contacts, after: Floats, outcome: Outcome, cutoff: float,
+        loaded: tuple[Ints, Ints, Ints],
+    ) -> StepReport:  # fmt: skip
         """The step with the velocities that were found: motion, books, and what comes next."""
         layout, state, selection = self._layout, self._layout.state, self._layout.selection
         n, grains, dt = layout.model.grain_count, layout.model.grains, step.dt
-        loaded = state.contact_i, state.contact_j, state.contact_point
         struck = _NOBODY if step.flight is None else step.flight.struck
         began = state.position[struck]
         gradient = state.wall_velocity[0] if self.model.is_cell else _NONE
@@ -474,17 +548,29 @@ class Engine:
             # The way to q_m is not theirs: heat looks at them half-way
             layout.middle[struck] = 0.5 * (began + state.position[struck])
         self._clock("account")
-        correction = self._correct(step, end, pieces, overlaps, cutoff, float(sums.total[OVERLAP]))
+        beside = selection.overlap_beside(end, pieces)
+        overlap = float(sums.total[OVERLAP])
+        correction = self._correct(step, end, pieces, overlaps, cutoff, overlap, beside)
         self._clock("correct")
         book_step(
             state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt,
             expansion_work,
         )  # fmt: skip
+        if layout.pieces is None:
+            self._plain.learn()
+        return self._report(step, contacts, after, outcome, correction, sums, loaded, strayed)
+
+    def _report(
+        self, step: Prediction, contacts: Contacts, after: Floats, outcome: Outcome,
+        correction: Correction, sums: ContactSums, loaded: tuple[Ints, Ints, Ints], strayed: Floats,
+    ) -> StepReport:  # fmt: skip
+        """What the next step, heat and observers are to know of this one."""
+        layout, state, selection = self._layout, self._layout.state, self._layout.selection
         if self._has_couples:
             state.contact_couple = couples_of(contacts)[contacts["p_n"] > 0.0]
         elif layout.model.laws.rolling.size:
             state.contact_couple = np.zeros(state.contact_i.size)
-        state.last_dt = dt
+        state.last_dt = step.dt
         layout.newcomers = _NOBODY
         self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded, strayed)
         self._has_table = False
@@ -719,23 +805,25 @@ class Engine:
 
     def _correct(
         self, step: Prediction, end: Scene, pieces: Pieces | None, overlaps: Floats, cutoff: float,
-        overlap: float,
+        overlap: float, beside: float,
     ) -> Correction:  # fmt: skip
         layout, state, model = self._layout, self._layout.state, self._layout.model
         selection = layout.selection
-        beside = selection.overlap_beside(end, pieces)
         correction = Correction(max(overlap, beside), 0.0, 0.0, 0)
         if correction.overlap > ALLOWED:
             # What is near must not depend on the age of the list
             near = reach_of(correction.overlap, model)
             self._list_up_to(cutoff + near, step)
-            is_deep = overlaps > ALLOWED
-            i, j = selection.pairs_with(is_deep)
+            i, j, below = selection.pair_i, selection.pair_j, 0.0
+            if overlaps.size:
+                is_deep = overlaps > ALLOWED
+                i, j = selection.pairs_with(is_deep)
+                below = float(overlaps[~is_deep].max(initial=0.0))
             if beside > ALLOWED:
                 i, j = selection.with_walls()
             correction = correct_positions(
-                end, pieces, model, step.gravity, self._motion, layout.pairs, i, j, near,
-                float(overlaps[~is_deep].max(initial=0.0)), layout.marked, state.step,
+                end, pieces, model, step.gravity, self._motion, layout.pairs, i, j, near, below,
+                layout.marked, state.step,
             )  # fmt: skip
         if step.shift_work != 0.0:
             work = correction.gravity_work + step.shift_work

@@ -153,6 +153,17 @@ class ContactLaws(NamedTuple):
             return True
         return self.flash_limit.size > 0 and bool(np.isfinite(self.flash_limit).any())
 
+    @property
+    def are_plain(self) -> bool:
+        """Whether there is but restitution, and friction that depends on the materials alone."""
+        return not (
+            self.adhesion.size
+            or self.rolling.size
+            or self.softening_rate.size
+            or self.table_speed.size
+            or self.flash_speed.size
+        )
+
     def with_ranges(self, mean_diameter: float) -> ContactLaws:
         """The same; dry, with a range of `RANGE` mean diameters [m], if there is adhesion without.
 

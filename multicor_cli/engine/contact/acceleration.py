@@ -124,7 +124,6 @@ def start_loop(contact_count: int) -> NDArray[np.void]:
     return memory
 
 
-@kernel
 def start_momentum(s: System) -> Momentum:
     """Momentum at rest, at the present iterate."""
     return Momentum(

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.vector_step import ABOUT_ROWS, SMALLER
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import aligned
@@ -362,6 +363,8 @@ class Schedule(NamedTuple):
         before: u_n⁻, u_t⁻ [m/s], shape ``(q, 2, 4)``.
         gap: Gaps at q_m [m], shape ``(q, 4)``.
         branch: Branch vectors at q_m in a cell [m], shape ``(q, 2, 4)``; else no batches.
+        of_general: Rows of the general contacts of discs, as in `System`: bodies, frames, levers
+            and impulses.
         face_order: Faces in the order of their sweep, shape ``(f,)``: a step makes batches of those
             that have a point (`faces.batch_points`).
         face_pair: Rows of their bodies, shape ``(f, 2)``.
@@ -387,10 +390,19 @@ class Schedule(NamedTuple):
     before: Floats
     gap: Floats
     branch: Floats
+    inverse: Floats
+    of_general: tuple[Ints, Floats, Floats, Floats]
     face_order: Ints
     face_pair: Ints
     face_start: NDArray[np.int64]
     face_rest: Ints
+
+    def system(self, spin_factor: float, contacts: int) -> System:
+        """The `System` of discs without couples; ``spin_factor`` and ``contacts`` as there."""
+        return System(
+            self.velocity, self.inverse, self.slot, self.pair, self.frame, self.impulse,
+            self.tile_start, self.color_start, *self.of_general, spin_factor, contacts,
+        )  # fmt: skip
 
 
 def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
@@ -465,10 +477,15 @@ def schedule_contacts(
     if is_face is not None:
         lane[is_face] = _NOWHERE
     lane[general] = -1 - np.arange(general.size, dtype=np.int32)
+    of_general = (
+        np.zeros((general.size, 2), np.int32), np.zeros((general.size, 8)),
+        np.zeros((general.size, 2, 2)), np.zeros((general.size, 2)),
+    )  # fmt: skip
     walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
     return Schedule(
         slot, pair, tile_start, color_start, general, walls, np.concatenate([walls, general]), lane,
         place, velocity, start_velocity, middle, frame, impulse, about, before, gap, branch,
+        np.empty((grains + wall_is_free.size, 3)), of_general,
         of_faces, bodies[order.size :].copy(), face_start, rest,
     )  # fmt: skip
 

@@ -27,6 +27,7 @@ from multicor_cli.engine.contact.faces import (
 )
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
+from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.outlines import circle_gap, room_within, true_gap
@@ -228,6 +229,7 @@ class Selection:
         self.tile: Ints = np.zeros((model.grain_count, 2), np.int32)
         self.contacts: Contacts = np.zeros(0, CONTACT)
         self._schedule: Schedule | None = None
+        self._system: System | None = None
         self._is_free: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._laws: ContactLaws | None = None
         self._impulse: Floats = np.empty((0, 2))  # what the lanes hold, as in the state
@@ -244,21 +246,29 @@ class Selection:
 
     def give(self, state: State) -> None:
         """Enter the contacts, and those that carry an impulse, into a state."""
-        state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
-        state.near_points = self.room
         schedule = self.lanes
         if self._pieces is None:
-            state.contact_i, state.contact_j, state.contact_impulse = carried(
+            known = carried(
                 self._model.grain_count, self.i, self.j, schedule.lane, schedule.impulse,
                 self.contacts,
             )  # fmt: skip
+            self.enter_carried(state, *known)
         else:
+            state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
+            state.near_points = self.room
             (
                 state.contact_i, state.contact_j, state.contact_impulse, state.contact_point,
             ) = carried_points(
                 self.i, self.j, schedule.lane, schedule.impulse, self.contacts
             )  # fmt: skip
-        self._impulse = state.contact_impulse
+            self._impulse = state.contact_impulse
+
+    def enter_carried(self, state: State, i: Ints, j: Ints, impulse: Floats) -> None:
+        """As `give`, of discs: (i, j) are the contacts that carry an ``impulse``."""
+        state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
+        state.near_points = self.room
+        state.contact_i, state.contact_j = i, j
+        self._impulse = state.contact_impulse = impulse
 
     def tabulate(self) -> None:
         """Contacts of two discs into the table, which else holds those with walls, and faces."""
@@ -307,7 +317,7 @@ class Selection:
             self.i, self.j, self.faces = make_room(self._pieces, i, j, room)
         self.contacts = np.zeros(self.i.size, CONTACT)
         self.contacts["i"], self.contacts["j"], self.contacts["key"] = self.i, self.j, -1
-        self._schedule = self._beside = self._entered = None
+        self._schedule = self._system = self._beside = self._entered = None
         self._impulse = np.empty((0, 2))
 
     def margin(self, scene: Scene, start: Floats, free: Floats, cutoff: float, dt: float) -> float:
@@ -342,9 +352,10 @@ class Selection:
             schedule = schedule_contacts(
                 scene, self.i, self.j, self.tile, wall_is_free, self._are_faces()
             )
-            self._is_free, self._laws, self._impulse = wall_is_free, None, np.empty((0, 2))
-            self._entered = None
+            self._laws, self._impulse = None, np.empty((0, 2))
+            self._entered = self._system = None
             self._schedule = schedule
+        self._is_free = wall_is_free
         if self._laws is not laws:
             fix_lanes(
                 scene, laws, bodies, self.i, self.j, schedule.slot, schedule.about, schedule.frame
@@ -373,6 +384,25 @@ class Selection:
         self._impulse = np.empty((0, 2))
         return schedule
 
+    def is_ready(self, state: State, laws: ContactLaws, wall_is_free: NDArray[np.bool_]) -> bool:
+        """Whether the contacts are those of a state, and `schedule` would leave them as they are.
+
+        If so, the lanes hold impulses of a step that is begun now.
+        """
+        is_same = self.pair_i is state.near_i and self.tile is state.tile
+        is_known = self._impulse is state.contact_impulse and self._entered is None
+        is_laid = self._schedule is not None and self._is_free is wall_is_free
+        is_ready = is_same and is_known and is_laid and self._laws is laws
+        if is_ready:  # a step that is not finished leaves others behind
+            self._impulse = np.empty((0, 2))
+        return is_ready
+
+    def system(self, spin_factor: float) -> System:
+        """The problem in these lanes, as `Schedule.system`."""
+        if self._system is None:
+            self._system = self.lanes.system(spin_factor, self.contacts.size)
+        return self._system
+
     def _are_faces(self) -> NDArray[np.bool_] | None:
         if self._pieces is None or not self.faces.first.size:
             return None
@@ -380,8 +410,6 @@ class Selection:
 
     def pairs_with(self, chosen: NDArray[np.bool_]) -> tuple[Ints, Ints]:
         """Pairs of grains with corners that are ``chosen``, shape ``(f,)``, and all others."""
-        if not chosen.size:
-            return self.pair_i, self.pair_j
         kept = np.ones(self.pair_i.size, np.bool_)
         kept[self.faces.pair] = chosen
         return self.pair_i[kept], self.pair_j[kept]
@@ -401,6 +429,12 @@ class Selection:
             is_wall = j >= self._model.grain_count
             self._walls_beside, self._builds = (i[is_wall], j[is_wall]), pairs.builds
         return self._beside
+
+    @property
+    def walls_beside(self) -> tuple[Ints, Ints]:
+        """Those of them with walls."""
+        assert self.beside  # makes both
+        return self._walls_beside
 
     def closing(
         self, scene: Scene, pieces: Pieces | None, start: Floats, end: Floats, cutoff: float,

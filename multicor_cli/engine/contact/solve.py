@@ -233,7 +233,7 @@ def solve_system(
     memory, momentum = start_loop(count), start_momentum(system)
     loop = memory[0]
     partial = np.empty((system.tile_start.size - 1, 2))
-    met = nothing_met(system)
+    met = None
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_, stuck = max(1, SLICE // count), 0
     outside = threads_in_use()
@@ -258,6 +258,7 @@ def solve_system(
             if loop["is_stuck"]:
                 # Where fresh momentum has not helped either, errors are patched wherever they are
                 stuck += 1
+                met = nothing_met(system) if met is None else met
                 is_clustered = stuck > 1 or bool(loop["is_peak"]) or has_clusters(system)
                 done = int(loop["patches"])
                 if is_clustered and done < len(SIZES):

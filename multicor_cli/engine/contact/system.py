@@ -19,7 +19,7 @@ from multicor_cli.engine.contact.faces import (
     unpack_points,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
-from multicor_cli.engine.contact.rolling import NO_COUPLES, couples_of, pack_couples
+from multicor_cli.engine.contact.rolling import couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
 from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
@@ -216,31 +216,29 @@ def place_walls(
 
 @kernel
 def inverse_masses(
-    velocity: Floats, grains: int, wall_inverse: Floats, spin_factor: float
-) -> Floats:
-    """Inverse masses of all degrees of freedom, as in `System`."""
-    inverse = np.empty((grains + wall_inverse.shape[0], 3))
+    velocity: Floats, wall_inverse: Floats, spin_factor: float, inverse: Floats
+) -> None:
+    """Inverse masses of all degrees of freedom into ``inverse``, **modified**, as in `System`."""
+    grains = inverse.shape[0] - wall_inverse.shape[0]
     for row in range(grains):
         inverse[row, X] = inverse[row, Y] = velocity[row, INVERSE_MASS]
         inverse[row, SPIN] = spin_factor * velocity[row, INVERSE_MASS]
     for w in range(wall_inverse.shape[0]):
         for d in range(3):
             inverse[grains + w, d] = wall_inverse[w, d]
-    return inverse
 
 
 @kernel
 def pack_general(
-    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, general: Ints, inverse: Floats
-) -> tuple[Ints, Floats, Floats, Floats]:
-    """Arrays of the contacts with walls that have a free degree of freedom, as in `System`.
+    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, general: Ints, inverse: Floats,
+    pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
+) -> None:  # fmt: skip
+    """Rows of the contacts with walls that have a free degree of freedom, as in `System`.
 
     ``general`` are these contacts, ``inverse`` as in `System`, ``belt`` as in `OrderedSystem`.
-    Returns bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
+    **Modifies** bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)``, impulses ``(g, 2)``.
     """
     n = scene.radius.size
-    pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
-    frame, lever = np.zeros((general.size, 8)), np.empty((general.size, 2, 2))
     for g in range(general.size):
         contact = contacts[general[g]]
         wall = scene.wall[contact.j - n]
@@ -255,12 +253,13 @@ def pack_general(
             lx * ny - ly * nx,
             lx * nx + ly * ny,
         )
+        w_nn, w_nt, w_tt = 0.0, 0.0, 0.0
         for side in range(2):
             m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
-            frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
-            frame[g, W_NT] += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
-            frame[g, W_TT] += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
-    return pair, frame, lever, impulse
+            w_nn += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
+            w_nt += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
+            w_tt += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
+        frame[g, W_NN], frame[g, W_NT], frame[g, W_TT] = w_nn, w_nt, w_tt
 
 
 @parallel_kernel
@@ -402,31 +401,33 @@ def assemble(
     there are grains that are no discs, the system has batches of points, if only empty ones: it is
     of one kind then, and what solves it is compiled once.
     """
-    velocity, place = schedule.velocity, schedule.place
-    inverse = inverse_masses(velocity, place.size, wall_inverse, spin_factor)
+    place, general = schedule.place, schedule.general
+    inverse_masses(schedule.velocity, wall_inverse, spin_factor, schedule.inverse)
     place_walls(
-        scene, contacts, belt, schedule.walls, schedule.lane, schedule.pair, velocity,
+        scene, contacts, belt, schedule.walls, schedule.lane, schedule.pair, schedule.velocity,
         schedule.frame, schedule.impulse,
     )  # fmt: skip
-    general, slot = schedule.general, schedule.slot
-    others = pack_general(scene, contacts, belt, place, general, inverse)
-    points, faces = _NO_POINTS, None
+    others = schedule.of_general
+    pack_general(scene, contacts, belt, place, general, schedule.inverse, *others)
+    points, faces, system = _NO_POINTS, None, schedule.system(spin_factor, contacts.size)
     if has_faces:
-        points, faces, others = _add_faces(scene, contacts, schedule, belt, inverse, others)
-    cell = NO_CELL
+        points, faces, others = _add_faces(
+            scene, contacts, schedule, belt, schedule.inverse, others
+        )
+        pair, frame, lever, impulse = others
+        system = system._replace(
+            general_pair=pair, general_frame=frame, general_lever=lever, general_impulse=impulse,
+            faces=faces,
+        )  # fmt: skip
     if scene.height > 0.0:
         own = np.zeros((schedule.tile_start.size - 1, 3 * LANES))
         cell = CellTerms(schedule.branch, _branches(contacts, points), place.size, own)
-    system = System(
-        velocity, inverse, slot, schedule.pair, schedule.frame, schedule.impulse,
-        schedule.tile_start, schedule.color_start,
-        *others, spin_factor, contacts.size,
-        pack_couples(scene, contacts, belt, slot, general, place, inverse)
-        if has_couples
-        else NO_COUPLES,
-        cell,
-        faces,
-    )  # fmt: skip
+        system = system._replace(cell=cell)
+    if has_couples:
+        couples = pack_couples(
+            scene, contacts, belt, schedule.slot, general, place, schedule.inverse
+        )
+        system = system._replace(couples=couples)
     add_impulses(system)
     return OrderedSystem(system, schedule, belt, points)
 

@@ -454,6 +454,15 @@ class NeighborList:
         self._grown = radius
         self.largest = 2.0 * max(float(radius.max()), self._largest_disc)
 
+    @property
+    def made_at(self) -> tuple[Floats, Floats, float, float, float]:
+        """What `approach_of_displacements` is to know of the list, and the gap up to which it went.
+
+        Places of grains and shapes of walls, their extent, and the distance of what is not listed.
+        """
+        distance = self.largest + self._cutoff
+        return self._reference, self._reference_world, self._extent, distance, self._cutoff
+
     def update(self, scene: Scene, cutoff: float) -> None:
         """Make sure that all pairs with a gap below ``cutoff`` [m] are listed."""
         if self._cutoff >= 0.0:

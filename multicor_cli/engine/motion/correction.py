@@ -395,10 +395,12 @@ def correct_positions(
     if model.is_cell:  # what it costs to move all grains with it, about their center
         side = scene.wall_position[0, [XX, YY, YY]]
         mobility = (mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side)
-    spin, mass = model.spin_radius, model.grains.mass  # which follow grains that grow or wear
-    inertia = mass * spin * spin / model.shape_factor
+    mass, inertia = model.grains.mass, model.grains.mass
+    if pieces is not None:  # discs do not turn
+        spin = model.spin_radius  # which follows grains that grow or wear
+        inertia = mass * spin * spin / model.shape_factor
     overlap, pull_x, pull_y, rounds = push_apart(
-        scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
+        scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, mass,
         inertia, mobility, near, below, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
@@ -406,7 +408,10 @@ def correct_positions(
     shift = scene.wall_position - before
     if model.is_cell:
         shift = strain_between(before[0], scene.wall_position[0])[np.newaxis]
-    work = pull_x * float(gravity[X]) + pull_y * float(gravity[Y]) + total(motion.weight * shift)
+    work = pull_x * float(gravity[X]) + pull_y * float(gravity[Y])
+    if not shift.any():
+        return Correction(overlap, work, 0.0, rounds)
+    work += total(motion.weight * shift)
     return Correction(overlap, work, motion.shift_work(before, shift), rounds)
 
 

@@ -75,6 +75,7 @@ class Predictor:
     layout: Layout
     motion: WallMotion
     laws: ContactLaws
+    rebounds: bool  # whether any pair of materials does
 
     def predict(self, gravity: Floats, temperature: Floats, dt: float, t: float) -> Prediction:
         """Mid-step positions and free velocities, into the layout.
@@ -163,7 +164,7 @@ class Predictor:
     def _may_fly(self) -> bool:
         laws = self.laws
         stays = laws.adhesion.size or laws.rolling.size or self.layout.model.outlines is not None
-        return bool(laws.restitution.any()) and not stays
+        return self.rebounds and not stays
 
     def _fly(self, step: Prediction, walls: Floats) -> Prediction:
         """Impacts of what flies: other starts of these grains, in the layout too."""

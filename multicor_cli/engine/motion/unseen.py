@@ -90,7 +90,7 @@ def find_unseen(
     The step before looked ``seen`` far ahead [s], for all but ``strangers``, indices of grains.
     """
     seen = min(dt, seen)
-    if seen == dt and not strangers.size and np.array_equal(motion.before, state.wall_velocity):
+    if seen == dt and not strangers.size and not motion.jumps:
         return None
     grains = np.full(model.grain_count, seen < dt)
     far = 0.5 * (dt - seen) * _fastest(state.velocity) if seen < dt else 0.0

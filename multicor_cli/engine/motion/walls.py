@@ -32,6 +32,7 @@ class WallMotion:
         extent: How far the shapes of each wall reach from its reference point [m], planes 1 m,
             shape ``(w,)``.
         before: V⁻, of all degrees of freedom.
+        jumps: Whether one of these is not the velocity with which the step before has ended.
         load: Forces and torques at mid-step without gravity; of springs at the start of the step.
         weight: Weights.
         inverse: Inverse effective masses of the step.
@@ -75,6 +76,7 @@ class WallMotion:
         self._pushed = np.argwhere(self.driven).tolist()
         self.mobility: Floats = _inverse_where(self.driven, self.mass)
         self.before: Floats = np.zeros((w, 3))
+        self.jumps = False
         self.load: Floats = np.zeros((w, 3))
         self.inverse: Floats = np.zeros((w, 3))
         self.belt_before: Floats = np.zeros(w)
@@ -104,7 +106,8 @@ class WallMotion:
         ``gravity`` is that at mid-step [m/s²], ``t`` the time from the start of the stage to that
         of the step [s].
         """
-        self.before, after = state.wall_velocity.copy(), np.zeros_like(state.wall_velocity)
+        self.before, after = state.wall_velocity.copy(), np.zeros(state.wall_velocity.shape)
+        self.jumps = False
         self.load[:] = 0.0
         for (w, d), spacing in self._spacings.items():
             self._length[w, d] = abs(spacing.of(state))
@@ -123,6 +126,7 @@ class WallMotion:
                 self.load[w, d] = _load(drive, float(self._length[w, d]), u, t + 0.5 * dt)
             elif drive.position is not None:
                 self.before[w, d], after[w, d] = follow(drive.position, u, t, dt)
+                self.jumps |= bool(self.before[w, d] != state.wall_velocity[w, d])
             elif drive.velocity is not None:
                 after[w, d] = drive.velocity.value(t + dt)
         if state.wall_surface.size:
