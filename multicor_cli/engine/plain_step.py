@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, Speeds, begin_walls
+from multicor_cli.engine.contact.flight import Flight, leave_flights_out
+from multicor_cli.engine.contact.impacts import COLUMNS, Impacts, are_contacts, enter_impacts
 from multicor_cli.engine.contact.selection import AHEAD, deepest_overlap, find_closing
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import (
@@ -42,6 +44,7 @@ _KERNELS = (
     begin_walls, carried, cutoff_of_velocities, deepest_overlap, find_closing, inverse_masses, move,
     pack_bodies, pack_general, place_shapes, place_walls, unpack_bodies, unpack_walls,
 )  # fmt: skip
+_OF_FLIGHTS = enter_impacts, leave_flights_out
 _account_grains, _approach, _begin_grains, _cutoff, _find_closing, _move, _pack, _unpack = map(
     serial,
     (
@@ -50,8 +53,10 @@ _account_grains, _approach, _begin_grains, _cutoff, _find_closing, _move, _pack,
     ),
 )  # fmt: skip
 
-_NO_TEMPERATURE = np.empty(0)
-_COMPLETE, _SPEEDS = 0, 1  # of what `_begin` leaves: gap up to which the list is, and sums
+_NO_TEMPERATURE, _NOBODY, _NOTHING = np.empty(0), np.empty(0, np.bool_), np.zeros(6)
+_NO_IMPACTS = Impacts(np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, COLUMNS)))
+# Of what `_begin` leaves: gap up to which the list is complete, sums, if there is what to solve
+_COMPLETE, _SPEEDS, _IS_SOLVED = 0, 1, 7
 # Of what `_end` leaves
 _IS_DONE, _CUTOFF, _FASTEST, _KINETIC, _GRAVITY_WORK, _BESIDE, _ADHESION_WORK = range(7)
 
@@ -63,12 +68,14 @@ def _begin(
     of_walls: Ints, walls: Ints, lane: Ints, general: Ints, contacts: Contacts, bodies: Floats,
     free: Floats, i: Ints, j: Ints, reference: Floats, world: Floats, extent: float,
     distance: float, listed: float, belt: Floats, wall_inverse: Floats, cutoff: float, dt: float,
-    ratio: float, is_loaded: bool, are_sought: bool, result: Floats,
+    ratio: float, is_loaded: bool, are_sought: bool, first: Ints, second: Ints,
+    flying: NDArray[np.bool_] | None, is_free: NDArray[np.bool_], more: Floats, result: Floats,
 ) -> bool:  # fmt: skip
     """The contacts in the lanes, ready to be solved; False if others may be needed.
 
     Not looked at are these where they have just been sought. Arrays as in `Schedule` and `System`,
-    which are **modified**; (i, j) are the pairs beside the contacts.
+    which are **modified**; (first, second) are the contacts, (i, j) the pairs beside them. Impacts
+    have added ``more`` to the sums, if grains may be ``flying``.
     """
     if not are_sought:
         box = Box(scene.period, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -92,10 +99,19 @@ def _begin(
     )  # fmt: skip
     at_walls = call(begin_walls, kernels, (scene, laws, bodies, dt, ratio, of_walls, contacts))
     for k in range(len(grains)):
-        result[_SPEEDS + k] = grains[k] + at_walls[k]
+        result[_SPEEDS + k] = grains[k] + at_walls[k] + more[k]
     squares, closing, slip, loaded = result[1], result[2], result[3], result[4]
     moves = (closing > 0.0 and squares / closing > 0.0) or (loaded > 0.0 and slip / loaded > 0.0)
-    if not (is_loaded or moves):
+    left = 1
+    if flying is None:  # a branch of its own: Numba leaves out what follows
+        pass
+    elif flying.size:
+        left = call(
+            leave_flights_out, kernels,
+            (scene, flying, is_free, first, second, lane, s.frame, before, contacts),
+        )  # fmt: skip
+    result[_IS_SOLVED] = left > 0 and (is_loaded or moves)
+    if not result[_IS_SOLVED]:
         # Nothing closes and nothing pushes: the last impulses must not act once more
         flat = s.impulse.reshape(-1)
         for k in range(flat.size):
@@ -125,8 +141,8 @@ def _end(
     driven: NDArray[np.bool_], local: Floats, mass: Floats, reach: Floats, gravity: Floats,
     spin_factor: float, largest: float, complete: float, dt: float, is_enough: bool,
     position: Floats, velocity: Floats, wall_position: Floats, wall_velocity: Floats, world: Floats,
-    result: Floats,
-) -> tuple[Floats, Ints, Ints, Floats, Floats, Floats, Floats]:  # fmt: skip
+    impacts: Impacts | None, result: Floats,
+) -> tuple[Floats, Ints, Ints, Floats, Floats, Floats, Floats, Ints, Floats]:  # fmt: skip
     """Motion with the solved velocities, and what contacts carry and have lost.
 
     Arrays as in `Schedule` and `System`; (i, j) are the contacts, (beside_i, beside_j) the pairs
@@ -134,8 +150,10 @@ def _end(
     grains and walls, and wall shapes; not unless the solve ``is_enough``, nor if ``result`` says
     that the list is to reach farther, or another pair closes.
 
-    Returns v⁺; shapes and impulses of contacts that carry one; the first three of `ContactSums`.
+    Returns v⁺; shapes and impulses of contacts that carry one; the first three of `ContactSums`;
+    contacts that have had impacts, and what they carry without these.
     """
+    rows, held = i[:0], np.empty((0, 2))
     grains, count = place.size, belt.size
     call(unpack_walls, kernels, (walls, general, lane, s.impulse, s.general_impulse, contacts))
     after = call(_unpack, kernels, (s.velocity, place, belt, count))
@@ -149,7 +167,8 @@ def _end(
         )
     result[_IS_DONE] = is_enough and not closes
     if not result[_IS_DONE]:
-        return after, i[:0], j[:0], np.empty((0, 2)), np.empty(0), np.empty((0, 3)), np.empty(0)
+        nothing = np.empty(0)
+        return after, i[:0], j[:0], held, nothing, ends[:0], nothing, rows, held
     kinetic, gravity_work = call(
         _move, kernels,
         (scene.position, bodies, after, reach, mass, gravity, spin_factor, dt, position, velocity),
@@ -164,6 +183,13 @@ def _end(
         scene.period, np.empty(0), 0.0, 0.0,
     )  # fmt: skip
     first, second, known = call(carried, kernels, (grains, i, j, lane, s.impulse, contacts))
+    if impacts is None:  # a branch of its own: Numba leaves out what follows
+        pass
+    elif impacts.i.size:
+        rows, held, _ = call(
+            enter_impacts, kernels,
+            (scene, impacts, i, j, after, lane, s.frame, s.impulse, before, gap, branch, contacts),
+        )  # fmt: skip
     sums = call(
         _account_grains, kernels,
         (middle, s.velocity, s.pair, about, s.frame, s.impulse, before, gap, branch, dt,
@@ -175,7 +201,7 @@ def _end(
     result[_ADHESION_WORK] = of_walls_too.adhesion_work
     return (
         after, first, second, known, of_walls_too.total, of_walls_too.wall_impulse,
-        of_walls_too.belt_impulse,
+        of_walls_too.belt_impulse, rows, held,
     )  # fmt: skip
 
 
@@ -207,31 +233,39 @@ class PlainSteps:
     """Takes steps with kernels that a step with Python between them has called before."""
 
     def __init__(self) -> None:
-        self._kernels = np.empty((0, 2), np.int64)
+        self._kernels, self._has_flown = np.empty((0, 2), np.int64), False
 
-    @property
-    def are_known(self) -> bool:
-        """Whether there has been a step to `learn` from."""
-        return self._kernels.size > 0
+    def knows(self, flight: Flight | None) -> bool:
+        """Whether there has been such a step to `learn` from, with impacts or without."""
+        return self._kernels.size > 0 and (flight is None or self._has_flown)
 
-    def learn(self) -> None:
-        """Find out where the kernels are which a step has called."""
-        if not self.are_known:
-            self._kernels = table(_KERNELS)
+    def learn(self, layout: Layout, step: Prediction) -> None:
+        """Find out where the kernels are that a step has just called."""
+        has_flown = step.flight is not None and step.flight.impacts.i.size > 0
+        if self._kernels.size and (self._has_flown or not has_flown):
+            return
+        layout.pairs.update(step.scene, 0.0)  # for what the first list of all has not called
+        self._kernels = table((*_KERNELS, *_OF_FLIGHTS))
+        self._has_flown = self._has_flown or has_flown
 
     def begin(
         self, layout: Layout, step: Prediction, motion: WallMotion, laws: ContactLaws, *,
         is_loaded: bool, are_sought: bool = False,
-    ) -> Speeds | None:  # fmt: skip
-        """Make `Selection.system` the problem of a step; returns sums over its contacts.
+    ) -> tuple[Speeds, bool] | None:  # fmt: skip
+        """Make `Selection.system` the problem of a step.
 
-        None if contacts are to be sought first. ``is_loaded`` says whether anything pushes grains
-        together.
+        Returns sums over its contacts, and whether there is anything to solve; None if contacts are
+        to be sought first. ``is_loaded`` says whether anything pushes grains together.
         """
-        selection, state = layout.selection, layout.state
+        selection, state, flight = layout.selection, layout.state, step.flight
+        flying, more = (_NOBODY if self._has_flown else None), _NOTHING
+        if flight is not None:
+            flying, more = flight.flying, np.array(flight.speeds)
+            if not are_contacts(flight.impacts, selection.i, selection.j):
+                return None
         if not (are_sought or selection.is_ready(state, laws, motion.is_free)):
             return None
-        lanes, result = selection.lanes, np.empty(7)
+        lanes, result = selection.lanes, np.empty(8)
         ratio = step.dt / state.last_dt if state.last_dt > 0.0 else 0.0
         reference, world, extent, distance, listed = layout.pairs.made_at
         is_ready = _begin(
@@ -240,14 +274,14 @@ class PlainSteps:
             lanes.branch, lanes.of_walls, lanes.walls, lanes.lane, lanes.general,
             selection.contacts, layout.before, layout.free, *selection.beside, reference, world,
             extent, distance, listed, motion.belt, motion.inverse, step.cutoff, step.dt, ratio,
-            is_loaded, are_sought, result,
+            is_loaded, are_sought, selection.i, selection.j, flying, motion.is_free, more, result,
         )  # fmt: skip
         if not is_ready:
             return None
-        complete, *speeds = result.tolist()
+        complete, *speeds, is_solved = result.tolist()
         if not are_sought:
             layout.pairs.complete = complete
-        return Speeds(*speeds)
+        return Speeds(*speeds), bool(is_solved)
 
     def end(
         self, layout: Layout, step: Prediction, motion: WallMotion, *, is_enough: bool
@@ -263,8 +297,11 @@ class PlainSteps:
         lanes, walls, shapes = selection.lanes, model.wall_count, model.shapes
         wall_position, wall_velocity = np.empty((walls, 3)), np.empty((walls, 3))
         world, result = np.empty((model.shape_count, 4)), np.empty(7)
+        impacts = _NO_IMPACTS if self._has_flown else None
+        if step.flight is not None:
+            impacts = step.flight.impacts
         while True:
-            after, first, second, known, *sums = _end(
+            after, first, second, known, *sums, rows, held = _end(
                 self._kernels, selection.system(model.shape_factor), step.scene, lanes.place,
                 lanes.middle, lanes.about, lanes.before, lanes.gap, lanes.branch, lanes.of_walls,
                 lanes.walls, lanes.lane, lanes.general, selection.contacts, layout.before,
@@ -272,7 +309,7 @@ class PlainSteps:
                 motion.belt, motion.extent, motion.driven, shapes.geometry, model.grains.mass,
                 model.spin_radius, step.gravity, model.shape_factor, pairs.largest, pairs.complete,
                 step.dt, is_enough, state.position, state.velocity, wall_position, wall_velocity,
-                world, result,
+                world, impacts, result,
             )  # fmt: skip
             is_done, cutoff, fastest, kinetic, gravity_work, beside, adhesion_work = result.tolist()
             if cutoff <= pairs.complete:
@@ -282,6 +319,8 @@ class PlainSteps:
             return None, fastest
         state.wall_position, state.wall_velocity = wall_position, wall_velocity
         selection.enter_carried(state, first, second, known)
+        if rows.size:
+            selection.note_impacts(rows, held)
         end = step.scene._replace(
             position=state.position, world=world, wall_position=wall_position,
             temperature=_NO_TEMPERATURE,

@@ -83,6 +83,7 @@ from multicor_cli.engine.motion.correction import Correction, push_apart
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, wrap
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.engine.step import Engine
 from multicor_cli.model.columns import MASS
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes
 from multicor_cli.model.outlines import Outlines
@@ -118,6 +119,15 @@ def precompile(*, has_shapes: bool = False, has_heat: bool = True) -> None:
     _finish(model, state, moved, pieces)
     _prepare(model, scene, contacts, bodies, pieces)
     _unstick(system, momentum, memory)
+    if not has_shapes:
+        _between(model)
+
+
+def _between(model: Model) -> None:
+    """What calls the others: in a second step, which knows them from the first."""
+    engine = Engine(model, State.at_rest(model, np.zeros((1, 2))), threads=1)
+    for step in range(2):
+        engine.step(1.0, float(step))
 
 
 def _without_contacts(*, has_shapes: bool) -> System:

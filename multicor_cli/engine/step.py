@@ -430,10 +430,10 @@ class Engine:
 
     def _is_plain(self, step: Prediction) -> bool:
         """Whether `_move_plainly` takes the step: with the same bits."""
-        is_rare = step.flight is not None or step.growth is not None or step.pieces is not None
-        if is_rare or self.model.is_cell or self._layout.threads > 1 or not self._laws.are_plain:
+        is_rare = step.growth is not None or step.pieces is not None or self.model.is_cell
+        if is_rare or self._layout.threads > 1 or not self._laws.are_plain:
             return False
-        return self._plain.are_known
+        return self._plain.knows(step.flight)
 
     def _move_plainly(self, step: Prediction, should_stop: Callable[[], bool] | None) -> StepReport:
         layout, state, motion, settings = (
@@ -445,32 +445,37 @@ class Engine:
         thrust = step.dt * motion.pressure() * layout.model.mean_diameter
         is_loaded = weight > 0.0 or thrust > 0.0
 
-        speeds = plain.begin(layout, step, motion, self._laws, is_loaded=is_loaded)
-        if speeds is None:
+        begun = plain.begin(layout, step, motion, self._laws, is_loaded=is_loaded)
+        if begun is None:
             self._select(step)
-        margin, ended = 0.0, None
+        struck = _NOBODY if step.flight is None else step.flight.struck
+        began, margin, ended = state.position[struck], 0.0, None
         while ended is None:
-            if speeds is None:
+            if begun is None:
                 selection.schedule(step.scene, motion.is_free, self._laws, layout.before, state)
-                speeds = plain.begin(
+                begun = plain.begin(
                     layout, step, motion, self._laws, is_loaded=is_loaded, are_sought=True
                 )
-                assert speeds is not None
+                assert begun is not None  # the list and the contacts are those that are needed
+            speeds, is_solved = begun
             scale = ResidualScale.of(
                 speeds, layout.mass, n, weight, thrust, 0.0, self._laws.restitution, step.rounding
             )
             self._clock("prepare")
-            outcome = solve_system(
-                selection.system(layout.model.shape_factor), scale, settings, layout.threading,
-                should_stop,
-            )  # fmt: skip
+            outcome = _NOTHING_TO_SOLVE
+            if is_solved:
+                outcome = solve_system(
+                    selection.system(layout.model.shape_factor), scale, settings, layout.threading,
+                    should_stop,
+                )  # fmt: skip
             self._clock("solve")
             is_enough = outcome.converged or settings.on_failure == "warn"
             ended, fastest = plain.end(layout, step, motion, is_enough=is_enough)
             if fastest > 0.0:
                 margin = max(2.0 * margin, 1.5 * step.dt * fastest, self._margin(step))
                 selection.seek(step.scene, None, margin)
-                speeds = None
+                self._select_impacts(step)
+                begun = None
             else:
                 outcome.require_convergence(settings, state.step)
         if not math.isfinite(ended.kinetic):
@@ -479,6 +484,11 @@ class Engine:
         strayed = _NONE
         if self._heat is not None:
             strayed = 0.5 * step.dt * (layout.before[:n, :2] + ended.after[:n, :2])
+            strayed[struck] = (state.position[struck] - began)[:, :2]
+        layout.middle[struck] = 0.5 * (began + state.position[struck])
+        gravity_work = ended.gravity_work
+        if step.flight is not None:
+            gravity_work += step.flight.gravity_work
         self._clock("move")
         overlap = float(ended.sums.total[OVERLAP])
         correction = self._correct(
@@ -486,8 +496,7 @@ class Engine:
         )
         self._clock("correct")
         book_step(
-            state, motion, ended.sums, ended.kinetic, ended.gravity_work, correction, outcome,
-            step.dt,
+            state, motion, ended.sums, ended.kinetic, gravity_work, correction, outcome, step.dt,
         )  # fmt: skip
         return self._report(
             step, selection.contacts, ended.after, outcome, correction, ended.sums, loaded, strayed
@@ -557,7 +566,7 @@ class Engine:
             expansion_work,
         )  # fmt: skip
         if layout.pieces is None:
-            self._plain.learn()
+            self._plain.learn(layout, step)
         return self._report(step, contacts, after, outcome, correction, sums, loaded, strayed)
 
     def _report(

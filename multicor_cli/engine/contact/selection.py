@@ -287,8 +287,22 @@ class Selection:
             scene, impacts, self.i, self.j, after, lanes.lane, lanes.frame, lanes.impulse,
             lanes.before, lanes.gap, lanes.branch, self.contacts,
         )  # fmt: skip
-        self._entered = rows, known
+        self.note_impacts(rows, known)
         return virial
+
+    def note_impacts(self, rows: Ints, known: Floats) -> None:
+        """Contacts ``rows`` have impulses of impacts, beside what is ``known``: see `enter`."""
+        self._entered = rows, known
+
+    def _take_back(self) -> None:
+        """Impulses of impacts are not those that the next step begins with."""
+        if self._entered is not None:
+            lanes = self.lanes
+            take_back(
+                *self._entered, self._model.grain_count, self.j, lanes.lane, lanes.impulse,
+                self.contacts,
+            )  # fmt: skip
+            self._entered = None
 
     def seek(self, scene: Scene, pieces: Pieces | None, margin: float) -> None:
         """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`; ``pieces`` as they lie."""
@@ -364,12 +378,7 @@ class Selection:
             for name in ("attraction", "mu_r", "arm", "u_r", "p_r"):
                 self.contacts[name] = 0.0
             self._laws = laws
-        if self._entered is not None:
-            take_back(
-                *self._entered, scene.radius.size, self.j, schedule.lane, schedule.impulse,
-                self.contacts,
-            )  # fmt: skip
-            self._entered = None
+        self._take_back()
         if self._impulse is not state.contact_impulse:
             recall_impulses(
                 state.contact_i, state.contact_j, state.contact_impulse, self.contacts,
@@ -390,10 +399,12 @@ class Selection:
         If so, the lanes hold impulses of a step that is begun now.
         """
         is_same = self.pair_i is state.near_i and self.tile is state.tile
-        is_known = self._impulse is state.contact_impulse and self._entered is None
+        is_known = self._impulse is state.contact_impulse
         is_laid = self._schedule is not None and self._is_free is wall_is_free
         is_ready = is_same and is_known and is_laid and self._laws is laws
-        if is_ready:  # a step that is not finished leaves others behind
+        if is_ready:
+            self._take_back()
+            # A step that is not finished leaves others behind
             self._impulse = np.empty((0, 2))
         return is_ready
 

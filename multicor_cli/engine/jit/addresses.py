@@ -24,16 +24,13 @@ def serial(kernel: Any) -> Any:
 def table(kernels: Sequence[Any]) -> NDArray[np.int64]:
     """Marks and addresses of all that is compiled of some kernels so far, shape ``(k, 2)``.
 
-    What Python has called on several threads is compiled for one, too. Of size 0 if one of the
-    kernels has not been called yet.
+    What Python has called on several threads is compiled for one, too.
     """
     rows = []
     for kernel in kernels if IS_COMPILING else ():
         alone = serial(kernel)
         for kinds in getattr(kernel, "on_threads", alone).signatures:
             alone.compile(kinds)
-        if not alone.overloads:
-            return np.empty((0, 2), np.int64)
         for compiled in alone.overloads.values():
             name = compiled.fndesc.llvm_func_name
             address = compiled.library.get_pointer_to_function(name)
