@@ -66,30 +66,29 @@ def _begin(
     kernels: NDArray[np.int64], s: System, scene: Scene, laws: ContactLaws, place: Ints,
     start: Floats, middle: Floats, about: Floats, before: Floats, gap: Floats, branch: Floats,
     of_walls: Ints, walls: Ints, lane: Ints, general: Ints, contacts: Contacts, bodies: Floats,
-    free: Floats, i: Ints, j: Ints, reference: Floats, world: Floats, extent: float,
-    distance: float, listed: float, belt: Floats, wall_inverse: Floats, cutoff: float, dt: float,
-    ratio: float, is_loaded: bool, are_sought: bool, first: Ints, second: Ints,
-    flying: NDArray[np.bool_] | None, is_free: NDArray[np.bool_], more: Floats, result: Floats,
+    free: Floats, i: Ints, j: Ints, beside_i: Ints, beside_j: Ints, reference: Floats,
+    world: Floats, extent: float, distance: float, listed: float, belt: Floats,
+    is_free: NDArray[np.bool_], wall_inverse: Floats, cutoff: float, dt: float, ratio: float,
+    is_loaded: bool, are_sought: bool, flying: NDArray[np.bool_] | None, more: Floats,
+    result: Floats,
 ) -> bool:  # fmt: skip
-    """The contacts in the lanes, ready to be solved; False if others may be needed.
+    """The contacts (i, j), ready to be solved; False if others may be needed.
 
-    Not looked at are these where they have just been sought. Arrays as in `Schedule` and `System`,
-    which are **modified**; (first, second) are the contacts, (i, j) the pairs beside them. Impacts
-    have added ``more`` to the sums, if grains may be ``flying``.
+    That is not looked at where they have just been sought; (beside_i, beside_j) are the listed
+    pairs beside them. Arrays as in `Schedule` and `System`, which are **modified**. Impacts have
+    added ``more`` to the sums, if grains may be ``flying``.
     """
     if not are_sought:
         box = Box(scene.period, 0.0, 0.0, 0.0, 0.0, 0.0)
-        result[_COMPLETE] = listed - call(
+        complete = listed - call(
             _approach, kernels,
             (scene.kind, scene.position, reference, box, world, scene.world, extent, distance),
         )  # fmt: skip
-        ahead = AHEAD * dt
-        if (
-            result[_COMPLETE] < cutoff
-            or call(_find_closing, kernels, (scene, None, i, j, bodies, free, cutoff, ahead, 0.0))[
-                0
-            ]
-        ):
+        result[_COMPLETE] = complete
+        pairs, ahead = (scene, None, beside_i, beside_j), AHEAD * dt
+        if complete < cutoff:
+            return False
+        if call(_find_closing, kernels, (*pairs, bodies, free, cutoff, ahead, 0.0))[0]:
             return False
     call(_pack, kernels, (scene, bodies, free, place, s.velocity, start, middle))
     grains = call(
@@ -108,7 +107,7 @@ def _begin(
     elif flying.size:
         left = call(
             leave_flights_out, kernels,
-            (scene, flying, is_free, first, second, lane, s.frame, before, contacts),
+            (scene, flying, is_free, i, j, lane, s.frame, before, contacts),
         )  # fmt: skip
     result[_IS_SOLVED] = left > 0 and (is_loaded or moves)
     if not result[_IS_SOLVED]:
@@ -272,9 +271,10 @@ class PlainSteps:
             self._kernels, selection.system(layout.model.shape_factor), step.scene, laws,
             lanes.place, lanes.start, lanes.middle, lanes.about, lanes.before, lanes.gap,
             lanes.branch, lanes.of_walls, lanes.walls, lanes.lane, lanes.general,
-            selection.contacts, layout.before, layout.free, *selection.beside, reference, world,
-            extent, distance, listed, motion.belt, motion.inverse, step.cutoff, step.dt, ratio,
-            is_loaded, are_sought, selection.i, selection.j, flying, motion.is_free, more, result,
+            selection.contacts, layout.before, layout.free, selection.i, selection.j,
+            *selection.beside, reference, world, extent, distance, listed, motion.belt,
+            motion.is_free, motion.inverse, step.cutoff, step.dt, ratio, is_loaded, are_sought,
+            flying, more, result,
         )  # fmt: skip
         if not is_ready:
             return None

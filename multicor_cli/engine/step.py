@@ -191,7 +191,7 @@ class Engine:
         )
         self.orders = orders
         self._laws = laws.with_ranges(self.model.mean_diameter)
-        self._rebounds = bool(laws.restitution.any())
+        self._restitution = float(laws.restitution.max(initial=0.0))
         self._begin_heat()
 
     def pass_grains(self) -> None:
@@ -401,7 +401,7 @@ class Engine:
                 )
             self._clock("solve")
             after = ordered.collect(contacts)
-            if step.pieces is not None and self._rebounds and stop_rebounds(
+            if step.pieces is not None and self._restitution > 0.0 and stop_rebounds(
                 step.scene, step.pieces, layout.before, layout.free, after,
                 layout.model.grains.mass, selection.faces, contacts, stopped,
             ):  # fmt: skip
@@ -459,7 +459,7 @@ class Engine:
                 assert begun is not None  # the list and the contacts are those that are needed
             speeds, is_solved = begun
             scale = ResidualScale.of(
-                speeds, layout.mass, n, weight, thrust, 0.0, self._laws.restitution, step.rounding
+                speeds, layout.mass, n, weight, thrust, 0.0, self._restitution, step.rounding
             )
             self._clock("prepare")
             outcome = _NOTHING_TO_SOLVE
@@ -506,7 +506,7 @@ class Engine:
         temperature = np.empty(0)
         if self._heat is not None and self._laws.depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
-        return Predictor(self._layout, self._motion, self._laws, self._rebounds).predict(
+        return Predictor(self._layout, self._motion, self._laws, self._restitution > 0.0).predict(
             self._gravity.value(t + 0.5 * dt), temperature, dt, t
         )
 
@@ -725,7 +725,7 @@ class Engine:
         scale = ResidualScale.of(
             Speeds(*map(sum, zip(*speeds, strict=True))), layout.mass, model.grain_count,
             dt * hypot(*step.gravity.tolist()),
-            dt * self._motion.pressure() * model.mean_diameter, attraction, laws.restitution,
+            dt * self._motion.pressure() * model.mean_diameter, attraction, self._restitution,
             step.rounding,
         )  # fmt: skip
         if scale.velocity == 0.0 or not is_solved:

@@ -123,7 +123,7 @@ class ResidualScale:
     @classmethod
     def of(
         cls, speeds: Speeds, mass: float, count: int, weight: float, thrust: float,
-        attraction: float, restitution: Floats, rounding: float,
+        attraction: float, restitution: float, rounding: float,
     ) -> ResidualScale:  # fmt: skip
         """What residuals of a step are measured against (theory §5.3).
 
@@ -139,7 +139,7 @@ class ResidualScale:
             weight: Δt |g| [m/s].
             thrust: Δt P d̄ [N s].
             attraction: Largest F Δt of a contact [N s].
-            restitution: Coefficients of all pairs of materials.
+            restitution: Largest coefficient of all pairs of materials.
             rounding: A velocity that moves nothing by more than positions are rounded [m/s].
         """
         mean_mass, closing = mass / count, speeds.closing
@@ -149,7 +149,7 @@ class ResidualScale:
         )
         mean_slip = speeds.slip / speeds.loaded if speeds.loaded else 0.0
         reference, rms = max(load, SLIPS * mean_slip), max(load, SLIPS_RMS * mean_slip)
-        bounce = float(restitution.max()) if closing else 0.0
+        bounce = restitution if closing else 0.0
         return cls(
             rms,
             reference,

@@ -26,7 +26,7 @@ from multicor_cli.engine.contact.vector_step import (
 from multicor_cli.engine.geometry.radii import smaller_of, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.correction import Correction
 from multicor_cli.engine.motion.walls import WallMotion
@@ -244,14 +244,13 @@ def book_step(
         state.growth_books[0] += expansion_work
         state.books[_TERMS] += abs(expansion_work)
         gained += float(state.growth_books[0] - state.growth_books[1])
-    _enter_walls(
-        state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
-        motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,
-        sums.wall_impulse, sums.belt_impulse, kinetic, gravity_work, correction, dt, sums.total,
+    _enter(
+        state.books, state.tallies, state.window, state.window_wall_impulse, motion.before,
+        state.wall_velocity, motion.driven, motion.mass, motion.load, motion.stiffness,
+        motion.damping, motion.weight, motion.belt_before, motion.belt, sums.wall_impulse,
+        sums.belt_impulse, sums.total, kinetic, gravity_work, correction, outcome, dt,
     )  # fmt: skip
     _close(state.books, _brought_in(state) + gained, state.step + 1)
-    _tally(state.tallies, state.window, sums.total, correction, outcome, dt)
-    state.window_wall_impulse += sums.wall_impulse
 
 
 def _enter_adhesion(state: State, sums: ContactSums) -> float:
@@ -268,6 +267,24 @@ def _enter_adhesion(state: State, sums: ContactSums) -> float:
 
 
 @kernel
+def _enter(
+    books: Floats, tallies: Floats, window: Floats, window_wall_impulse: Floats, before: Floats,
+    after: Floats, driven: NDArray[np.bool_], mass: Floats, load: Floats, stiffness: Floats,
+    damping: Floats, weight: Floats, belt_before: Floats, belt: Floats, wall_impulse: Floats,
+    belt_impulse: Floats, sums: Floats, kinetic: float, gravity: float, correction: Correction,
+    outcome: Outcome, dt: float,
+) -> None:  # fmt: skip
+    _enter_walls(
+        books, before, after, driven, mass, load, stiffness, damping, weight, belt_before, belt,
+        wall_impulse, belt_impulse, kinetic, gravity, correction, dt, sums,
+    )  # fmt: skip
+    _tally(tallies, window, sums, correction, outcome, dt)
+    for w in range(wall_impulse.shape[0]):
+        for d in range(3):
+            window_wall_impulse[w, d] += wall_impulse[w, d]
+
+
+@subroutine
 def _enter_walls(
     books: Floats, before: Floats, after: Floats, driven: NDArray[np.bool_], mass: Floats,
     load: Floats, stiffness: Floats, damping: Floats, weight: Floats, belt_before: Floats,
@@ -323,7 +340,7 @@ def _close(books: Floats, brought: float, steps: int) -> None:
         books[_CLOSURE] = max(books[_CLOSURE], abs(imbalance) / scale)
 
 
-@kernel
+@subroutine
 def _tally(
     tallies: Floats,
     window: Floats,
