@@ -448,6 +448,7 @@ class Engine:
         begun = plain.begin(layout, step, motion, self._laws, is_loaded=is_loaded)
         if begun is None:
             self._select(step)
+            self._clock("detect")
         struck = _NOBODY if step.flight is None else step.flight.struck
         began, margin, ended = state.position[struck], 0.0, None
         while ended is None:

@@ -30,4 +30,5 @@ def test_integers_of_a_subroutine_are_of_one_kind():
         for k in (k, k, max(j - 1, 0), j)
     )
     assert _chased(values, which.astype(np.int32), which) == expected
+    _chased.recompile()  # it may come from the cache, and has not asked for the other then
     assert len(_next_after.signatures) == 1
