@@ -1,9 +1,9 @@
 """Most steps of discs, in two calls: what precedes the solve, and what follows it.
 
 Between some thirty kernels Python takes longer than they do where grains are few. The two here do
-what `multicor_cli.engine.step` does with the same kernels, so that bits are the same, as long as
-nothing happens that is told to Python: a list or contacts that have to be sought, grains that fly
-or grow, laws beyond friction and restitution. Then the step goes on there.
+what `multicor_cli.engine.step` does with the same kernels, so that bits are the same, where no
+grain grows and no law acts but friction and restitution. They say when a list or contacts have to
+be sought, which is done there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, Speeds, begin_walls
-from multicor_cli.engine.contact.flight import Flight, leave_flights_out
+from multicor_cli.engine.contact.flight import leave_flights_out
 from multicor_cli.engine.contact.impacts import COLUMNS, Impacts, are_contacts, enter_impacts
 from multicor_cli.engine.contact.selection import AHEAD, deepest_overlap, find_closing
 from multicor_cli.engine.contact.sweep import System, add_impulses
@@ -232,20 +232,34 @@ class PlainSteps:
     """Takes steps with kernels that a step with Python between them has called before."""
 
     def __init__(self) -> None:
-        self._kernels, self._has_flown = np.empty((0, 2), np.int64), False
+        self._kernels, self._has_flights = np.empty((0, 2), np.int64), False
 
-    def knows(self, flight: Flight | None) -> bool:
-        """Whether there has been such a step to `learn` from, with impacts or without."""
-        return self._kernels.size > 0 and (flight is None or self._has_flown)
+    def knows(self, *, rebounds: bool) -> bool:
+        """Whether there has been a step to `learn` from, of grains that may rebound or do not."""
+        return self._kernels.size > 0 and (self._has_flights or not rebounds)
 
-    def learn(self, layout: Layout, step: Prediction) -> None:
-        """Find out where the kernels are that a step has just called."""
-        has_flown = step.flight is not None and step.flight.impacts.i.size > 0
-        if self._kernels.size and (self._has_flown or not has_flown):
+    def learn(
+        self, layout: Layout, step: Prediction, motion: WallMotion, *, rebounds: bool
+    ) -> None:
+        """Find out where the kernels are that a step has called, once."""
+        if self.knows(rebounds=rebounds):
             return
-        layout.pairs.update(step.scene, 0.0)  # for what the first list of all has not called
+        # What this step may not have called, so that it changes nothing
+        scene, selection = step.scene, layout.selection
+        layout.pairs.update(scene, 0.0)
+        if rebounds:
+            lanes, pairs, contacts = selection.lanes, (selection.i, selection.j), selection.contacts
+            nobody = np.zeros(layout.model.grain_count, np.bool_)
+            leave_flights_out(
+                scene, nobody, motion.is_free, *pairs, lanes.lane, lanes.frame, lanes.before,
+                contacts,
+            )  # fmt: skip
+            enter_impacts(
+                scene, _NO_IMPACTS, *pairs, layout.free, lanes.lane, lanes.frame, lanes.impulse,
+                lanes.before, lanes.gap, lanes.branch, contacts,
+            )  # fmt: skip
         self._kernels = table((*_KERNELS, *_OF_FLIGHTS))
-        self._has_flown = self._has_flown or has_flown
+        self._has_flights = rebounds
 
     def begin(
         self, layout: Layout, step: Prediction, motion: WallMotion, laws: ContactLaws, *,
@@ -257,7 +271,7 @@ class PlainSteps:
         to be sought first. ``is_loaded`` says whether anything pushes grains together.
         """
         selection, state, flight = layout.selection, layout.state, step.flight
-        flying, more = (_NOBODY if self._has_flown else None), _NOTHING
+        flying, more = (_NOBODY if self._has_flights else None), _NOTHING
         if flight is not None:
             flying, more = flight.flying, np.array(flight.speeds)
             if not are_contacts(flight.impacts, selection.i, selection.j):
@@ -297,7 +311,7 @@ class PlainSteps:
         lanes, walls, shapes = selection.lanes, model.wall_count, model.shapes
         wall_position, wall_velocity = np.empty((walls, 3)), np.empty((walls, 3))
         world, result = np.empty((model.shape_count, 4)), np.empty(7)
-        impacts = _NO_IMPACTS if self._has_flown else None
+        impacts = _NO_IMPACTS if self._has_flights else None
         if step.flight is not None:
             impacts = step.flight.impacts
         while True:

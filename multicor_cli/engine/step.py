@@ -433,7 +433,7 @@ class Engine:
         is_rare = step.growth is not None or step.pieces is not None or self.model.is_cell
         if is_rare or self._layout.threads > 1 or not self._laws.are_plain:
             return False
-        return self._plain.knows(step.flight)
+        return self._plain.knows(rebounds=self._restitution > 0.0)
 
     def _move_plainly(self, step: Prediction, should_stop: Callable[[], bool] | None) -> StepReport:
         layout, state, motion, settings = (
@@ -567,7 +567,7 @@ class Engine:
             expansion_work,
         )  # fmt: skip
         if layout.pieces is None:
-            self._plain.learn(layout, step)
+            self._plain.learn(layout, step, self._motion, rebounds=self._restitution > 0.0)
         return self._report(step, contacts, after, outcome, correction, sums, loaded, strayed)
 
     def _report(
