@@ -122,29 +122,22 @@ def column(count: int = 116) -> Problem:
 
 
 @contextmanager
-def _listening(heard: list[tuple[System, ResidualScale]]) -> Iterator[None]:
+def _listening(engine: Engine, heard: list[tuple[System, ResidualScale]]) -> Iterator[None]:
     """While this lasts, every problem that an engine hands to its solver is copied before it is
     solved.
     """
     names = vars(engine_module)
-    assemble: Callable[..., Any] = names["assemble"]
     solve: Callable[..., Any] = names["solve_system"]
-    places: list[Ints] = []
-
-    def note(*rest: Any) -> Any:
-        ordered = assemble(*rest)
-        places[:] = [ordered.schedule.place]
-        return ordered
 
     def listen(system: System, scale: ResidualScale, *rest: Any, **named: Any) -> Any:
-        heard.append((_by_grain(system, places[0]), scale))
+        heard.append((_by_grain(system, engine._layout.selection.lanes.place), scale))
         return solve(system, scale, *rest, **named)
 
-    names.update(assemble=note, solve_system=listen)
+    names["solve_system"] = listen
     try:
         yield
     finally:
-        names.update(assemble=assemble, solve_system=solve)
+        names["solve_system"] = solve
 
 
 def _by_grain(system: System, place: Ints) -> System:
@@ -167,7 +160,7 @@ def _record_scene(
     prepared = prepare(SCENES[name], grains, seed=seed)
     prepared.take(SCENES[name].warm_steps)
     heard: list[tuple[System, ResidualScale]] = []
-    with _listening(heard):
+    with _listening(prepared.engine, heard):
         prepared.take(steps)
     return heard
 
@@ -185,7 +178,7 @@ def _record_deposited(grains: int, seed: int) -> list[tuple[System, ResidualScal
     )
     engine = Engine(*build(scenario), threads=1)
     heard: list[tuple[System, ResidualScale]] = []
-    with _listening(heard):
+    with _listening(engine, heard):
         engine.step(float(scenario.stage_solver(0).dt), 0.0)
     return heard
 
@@ -199,8 +192,9 @@ def _record_run(directory: Path) -> list[tuple[System, ResidualScale]]:
     if state is None or state.last_dt <= 0.0:
         raise ValueError(f"{directory}: the run has not moved a grain yet")
     heard: list[tuple[System, ResidualScale]] = []
-    with _listening(heard):
-        Engine(model, state, threads=1).step(state.last_dt, 0.0)
+    engine = Engine(model, state, threads=1)
+    with _listening(engine, heard):
+        engine.step(state.last_dt, 0.0)
     return heard[:1]
 
 
