@@ -30,6 +30,7 @@ from multicor_cli.engine.geometry.scene import (
     disc_disc,
     distance_to_whole,
     nearest_image,
+    pair_geometry,
     placed_shape,
     scene_of,
 )
@@ -238,11 +239,17 @@ def those_passable(
 
 @subroutine
 def meeting_time(paths: Paths, i: int, j: int, begin: float, end: float) -> float:
-    """When a pair meets in ``begin … end`` [s]; infinite if it overlaps by no more than allowed."""
+    """When a pair meets in ``begin … end`` [s]; infinite if it overlaps by no more than allowed.
+
+    That is beside what it has overlapped at the start of the step: the deepest contacts of a dense
+    flow are at the bound, and move past each other as all others do.
+    """
     smaller = smaller_radius(paths.scene, i, j)
     allowed, t = ALLOWED * smaller, begin
+    depth = max(0.0, -pair_geometry(paths.scene, i, j)[0])
     while t < end:
         gap, rate, fastest = _approach(paths, i, j, t, end)
+        gap += depth
         if fastest == 0.0:
             break
         if gap + 0.999 * allowed > 0.0:

@@ -442,3 +442,18 @@ def test_nothing_is_looked_for_where_nothing_is_new():
     assert unseen(none, DT, DT) is None
     assert unseen(np.array([0]), DT, DT) is not None
     assert unseen(none, 2.0 * DT, DT) is not None
+
+
+@pytest.mark.parametrize("depth", [0.0, 2.5e-4, 4.9999e-4])
+def test_contacts_at_the_bound_of_overlaps_are_no_strangers(depth):
+    """As in a dense flow with which another run begins: two discs touch and slide past each other,
+    and both go far. One such pair was stopped, and with it all others that it touched."""
+    half, way = 0.005 * R, 0.2 * R  # from the closest approach; of both, in half a step
+    distance = (2.0 - depth) * R
+    model = make_model([R, R], friction=0.0, gravity=(0.0, 0.0))
+    places = [[half, np.sqrt(distance**2 - half**2)], [0.0, 0.0]]
+    velocity = np.array([[way - half, 0.0, 0.0], [way + half, 0.0, 0.0]]) / (0.5 * DT)
+    engine = make_engine(model, places, velocity)
+    engine.step(DT, 0.0)
+    moved = engine.state.position[0] - engine.state.position[1]
+    assert moved[0] == pytest.approx(half - 4.0 * half, rel=0.02)
