@@ -276,7 +276,7 @@ class PlainSteps:
             flying, more = flight.flying, np.array(flight.speeds)
             if not are_contacts(flight.impacts, selection.i, selection.j):
                 return None
-        if not (are_sought or selection.is_ready(state, laws, motion.is_free)):
+        if not (are_sought or selection.go_on(state, laws, motion.is_free)):
             return None
         lanes, result = selection.lanes, np.empty(8)
         ratio = step.dt / state.last_dt if state.last_dt > 0.0 else 0.0

@@ -1,11 +1,11 @@
-"""Compiles the kernels of a step without taking one: for a second process, while a first run
-compiles them too.
+"""Compiles the kernels of a step, for a second process, while a first run compiles them too.
 
 A run needs its kernels in the order of the phases of a step. This process takes them in another:
 the longest first, then those that come last, so that the two seldom compile the same. Whatever is
 in the cache when a run asks for it is loaded. The kernels are called with one grain and no contact,
 on one thread as in small problems: what is compiled depends on the kinds of the arguments and on
-nothing else. Kernels that are given outlines are others than those of discs.
+nothing else. Kernels that are given outlines are others than those of discs. What calls the others
+by their addresses comes last, with two steps of that grain.
 """
 
 from __future__ import annotations

@@ -86,7 +86,6 @@ NEAREST = 0.01
 """Gap up to which points of pairs with corners always count, over the mean diameter."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
-_NO_POINTS = np.empty(0, np.int32)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 

@@ -80,7 +80,7 @@ from multicor_cli.model.columns import (
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 General = tuple[Ints, Floats, Floats, Floats]
-"""Rows of contacts as `pack_general` makes them: bodies, frames, levers and impulses."""
+"""Rows of contacts as `pack_general` fills them: bodies, frames, levers and impulses."""
 
 
 class FacePairs(NamedTuple):

@@ -246,28 +246,22 @@ class Selection:
 
     def give(self, state: State) -> None:
         """Enter the contacts, and those that carry an impulse, into a state."""
-        schedule = self.lanes
+        lanes = self.lanes
+        of_lanes = self.i, self.j, lanes.lane, lanes.impulse, self.contacts
         if self._pieces is None:
-            known = carried(
-                self._model.grain_count, self.i, self.j, schedule.lane, schedule.impulse,
-                self.contacts,
-            )  # fmt: skip
-            self.enter_carried(state, *known)
+            self.enter_carried(state, *carried(self._model.grain_count, *of_lanes))
         else:
-            state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
-            state.near_points = self.room
-            (
-                state.contact_i, state.contact_j, state.contact_impulse, state.contact_point,
-            ) = carried_points(
-                self.i, self.j, schedule.lane, schedule.impulse, self.contacts
-            )  # fmt: skip
-            self._impulse = state.contact_impulse
+            self.enter_carried(state, *carried_points(*of_lanes))
 
-    def enter_carried(self, state: State, i: Ints, j: Ints, impulse: Floats) -> None:
-        """As `give`, of discs: (i, j) are the contacts that carry an ``impulse``."""
+    def enter_carried(
+        self, state: State, i: Ints, j: Ints, impulse: Floats, point: Ints | None = None
+    ) -> None:
+        """As `give`: (i, j) are the contacts that carry an ``impulse``, at a ``point`` of faces."""
         state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
         state.near_points = self.room
         state.contact_i, state.contact_j = i, j
+        if point is not None:
+            state.contact_point = point
         self._impulse = state.contact_impulse = impulse
 
     def tabulate(self) -> None:
@@ -393,20 +387,20 @@ class Selection:
         self._impulse = np.empty((0, 2))
         return schedule
 
-    def is_ready(self, state: State, laws: ContactLaws, wall_is_free: NDArray[np.bool_]) -> bool:
-        """Whether the contacts are those of a state, and `schedule` would leave them as they are.
+    def go_on(self, state: State, laws: ContactLaws, wall_is_free: NDArray[np.bool_]) -> bool:
+        """Begin a step with what the lanes hold; False, and nothing is done, if it is not theirs.
 
-        If so, the lanes hold impulses of a step that is begun now.
+        Then contacts are those of another state, or `schedule` would change their lanes.
         """
         is_same = self.pair_i is state.near_i and self.tile is state.tile
         is_known = self._impulse is state.contact_impulse
         is_laid = self._schedule is not None and self._is_free is wall_is_free
-        is_ready = is_same and is_known and is_laid and self._laws is laws
-        if is_ready:
-            self._take_back()
-            # A step that is not finished leaves others behind
-            self._impulse = np.empty((0, 2))
-        return is_ready
+        if not (is_same and is_known and is_laid and self._laws is laws):
+            return False
+        self._take_back()
+        # A step that is not finished leaves others behind
+        self._impulse = np.empty((0, 2))
+        return True
 
     def system(self, spin_factor: float) -> System:
         """The problem in these lanes, as `Schedule.system`."""
