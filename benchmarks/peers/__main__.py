@@ -130,8 +130,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--tolerance",
         type=float,
-        default=1e-3,
-        help="our tolerance of the rms velocity correction [%(default)s]",
+        help="our tolerance of the rms velocity correction [the default of the program]",
     )
     add(
         "--substeps",

@@ -39,7 +39,7 @@ class BedWanted:
         rounds: Number of rounds.
         frames: Frames of a run.
         dt: Our time step [s].
-        tolerance: Our tolerance of the rms velocity correction.
+        tolerance: Our tolerance of the rms velocity correction; None: the default.
         cores: Threads and ranks.
     """
 
@@ -48,7 +48,7 @@ class BedWanted:
     rounds: int
     frames: int
     dt: float
-    tolerance: float
+    tolerance: float | None
     cores: int
 
 
@@ -106,7 +106,8 @@ def compare_bed(
     settings = loosened(wanted.tolerance)
     say("compiling")
     drop_ours(start, bed, settings, wanted.dt, wanted.dt, 2)
-    columns = [BedColumn(f"multicor Δt = {wanted.dt:g} s, rms {wanted.tolerance:g}", between, [])]
+    name = f"multicor Δt = {wanted.dt:g} s, rms {settings.tolerance_rms:g}"
+    columns = [BedColumn(name, between, [])]
     run_one: list[Callable[[], BedFrames]] = [
         lambda: drop_ours(start, bed, settings, wanted.dt, between, wanted.frames)
     ]

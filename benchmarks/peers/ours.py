@@ -47,9 +47,11 @@ class OurRun:
     unconverged: int
 
 
-def loosened(tolerance: float) -> Settings:
-    """Settings whose three tolerances keep their ratios, the rms one being ``tolerance``."""
+def loosened(tolerance: float | None) -> Settings:
+    """Default settings, or their tolerances with the same ratios and ``tolerance`` for the rms."""
     default = Settings()
+    if tolerance is None:
+        return default
     factor = tolerance / default.tolerance_rms
     energy, largest = factor * default.tolerance_energy, factor * default.tolerance_max
     return replace(default, tolerance_rms=tolerance, tolerance_max=largest, tolerance_energy=energy)

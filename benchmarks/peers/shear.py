@@ -35,7 +35,7 @@ class Wanted:
         plan: Strains of the codes.
         stiff_plan: Strains of the soft codes where the contacts are stiff and a strain costs much.
         dt_tau: Our time step over τ; None: the automatic one.
-        tolerance: Our tolerance of the rms velocity correction.
+        tolerance: Our tolerance of the rms velocity correction; None: the default.
         cores: Threads and ranks.
         reference: Strain of our own run with a fine step and the default tolerances; 0: none.
         begin: Strain from the lattice to the first start.
@@ -50,7 +50,7 @@ class Wanted:
     plan: FlowPlan
     stiff_plan: FlowPlan
     dt_tau: float | None
-    tolerance: float
+    tolerance: float | None
     cores: int
     reference: float
     begin: float
@@ -136,7 +136,7 @@ def compare_shear(
     settings = loosened(wanted.tolerance)
     # Compiles what is left
     flow(start, layer, settings, dt_tau, FlowPlan(0.0, wanted.plan.between, wanted.plan.between))
-    ours = Column(f"multicor Δt = {dt_tau:.2g} τ, rms {wanted.tolerance:g}", wanted.plan)
+    ours = Column(f"multicor Δt = {dt_tau:.2g} τ, rms {settings.tolerance_rms:g}", wanted.plan)
     theirs, notes = _tuned(wanted, peers, layer, folder, say)
     for round_ in range(wanted.rounds):
         if round_:
