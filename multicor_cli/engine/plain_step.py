@@ -99,8 +99,8 @@ def _begin(
     at_walls = call(begin_walls, kernels, (scene, laws, bodies, dt, ratio, of_walls, contacts))
     for k in range(len(grains)):
         result[_SPEEDS + k] = grains[k] + at_walls[k] + more[k]
-    squares, closing, slip, loaded = result[1], result[2], result[3], result[4]
-    moves = (closing > 0.0 and squares / closing > 0.0) or (loaded > 0.0 and slip / loaded > 0.0)
+    squares, closing, shear, loaded = result[1], result[2], result[3], result[4]
+    moves = (closing > 0.0 and squares / closing > 0.0) or (loaded > 0.0 and shear / loaded > 0.0)
     left = 1
     if flying is None:  # a branch of its own: Numba leaves out what follows
         pass

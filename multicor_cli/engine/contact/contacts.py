@@ -102,7 +102,8 @@ class Speeds(NamedTuple):
     Attributes:
         squares: Σ min(u_n⁻, 0)² of contacts that close in the step [m²/s²].
         closing: Number of these contacts.
-        slip: Σ |u_t⁻| of contacts of two grains that carried an impulse [m/s].
+        shear: Σ |u_t⁻|, of discs with spins left out, of contacts of two grains that carried an
+            impulse [m/s].
         loaded: Number of these contacts.
         motion: Sum of the speeds, spins left out, at which contacts that carried an impulse or
             close move [m/s].
@@ -111,7 +112,7 @@ class Speeds(NamedTuple):
 
     squares: float
     closing: float
-    slip: float
+    shear: float
     loaded: float
     motion: float
     met: float

@@ -249,7 +249,7 @@ def begin_faces(
     each pair that did not count, shape ``(f,)``.
     """
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
-    squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    squares, closing, shear, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     lacking, beyond = 0.0, np.empty(faces.first.size)
     speed, rms = _fastest_of(scene, pieces, start, free, faces)
     least = max(least, STRUCK * dt * rms)
@@ -269,11 +269,11 @@ def begin_faces(
             elif contact.p_n == 0.0:
                 continue
             if contact.p_n > 0.0 and contact.j < scene.radius.size:
-                slip += abs(u_t)
+                shear += abs(u_t)
                 loaded += 1.0
             motion += sqrt(u_n * u_n + u_t * u_t)
             met += 1.0
-    return Speeds(squares, closing, slip, loaded, motion, met), lacking, beyond
+    return Speeds(squares, closing, shear, loaded, motion, met), lacking, beyond
 
 
 @inlined

@@ -127,8 +127,8 @@ class ResidualScale:
     ) -> ResidualScale:  # fmt: skip
         """What residuals of a step are measured against (theory §5.3).
 
-        Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
-        the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
+        Velocities: u_rms = max(u_load, 40 s min(1, √(s/u_load))) with the mean shear s, and u_ref =
+        max(u_load, u_rms/5), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
         Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load the
         attraction over m̄ stands in for them.
 
@@ -147,8 +147,11 @@ class ResidualScale:
             max(weight, thrust / mean_mass) or attraction / mean_mass,
             math.sqrt(speeds.squares / closing) if closing else 0.0,
         )
-        mean_slip = speeds.slip / speeds.loaded if speeds.loaded else 0.0
-        reference, rms = max(load, SLIPS * mean_slip), max(load, SLIPS_RMS * mean_slip)
+        shear = speeds.shear / speeds.loaded if speeds.loaded else 0.0
+        # Errors add up like a random walk: their square over the steps of a strain is what counts
+        swift = min(1.0, math.sqrt(shear / load)) if load else 1.0
+        rms = max(load, SHEARS * swift * shear)
+        reference = max(load, LARGEST * rms)
         bounce = restitution if closing else 0.0
         return cls(
             rms,
@@ -161,29 +164,29 @@ class ResidualScale:
         )
 
     def tolerances(self, settings: Settings) -> Tolerances:
-        rms = settings.tolerance_rms * self.rms
-        share = FLOW_SHARE
+        rms, wanted = settings.tolerance_rms * self.rms, math.inf
         if self.load > 0.0:
             moves = self.motion / self.load
             at_rest = max(STILL_SHARE, REST_SHARE * min(1.0, moves / STILL))
-            share = min(FLOW_SHARE, max(at_rest, moves * PER_LOAD))
+            wanted = max(max(at_rest, moves * PER_LOAD) * self.motion, self.least)
         return Tolerances(
             rms,
             settings.tolerance_max * self.velocity,
             settings.tolerance_energy * self.energy,
-            min(1.0, PER_LOSS * self.lost, max(share * self.motion, self.least) / rms),
+            min(1.0, PER_LOSS * self.lost, wanted / rms),
         )
 
 
-SLIPS_RMS, SLIPS = 50.0, 10.0
-"""Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
+SHEARS, LARGEST = 40.0, 0.2
+"""Scale of the rms over the mean shear of a flow that is faster than its loads, so that 8 % of it
+pass by default; and scale of the largest correction over that of the rms."""
 
-STILL_SHARE, REST_SHARE, FLOW_SHARE = 0.002, 0.02, 0.04
+STILL_SHARE, REST_SHARE = 0.002, 0.02
 """Largest rms correction over the motion that there is, where sweeps allow: where next to nothing
-moves, at rest, and in a flow (theory §5.3)."""
+moves, and at rest (theory §5.3)."""
 
 STILL, PER_LOAD = 1e-4, 0.4
-"""Motion in units of u_load below which it is next to nothing; by which the share grows in flows.
+"""Motion in units of u_load below which it is next to nothing; by which the share grows from there.
 """
 
 PER_LOSS, LEAST_LOSS = 5.0, 1e-3

@@ -73,13 +73,13 @@ def begin_scalar(
     In a cell (``height`` > 0) its gradient is (xx, yy, xy), and ``branch`` gets the branch vectors.
     **Modifies** ``frame`` (but W and μ), ``impulse``, ``before``: u⁻, and ``gap``.
 
-    Returns the sum of min(u_n⁻, 0)² of contacts that close in the step and their number; the sum of
-    |u_t⁻| of those that carry an impulse and their number; the sum of the speeds at which, spins
-    left out, contacts move that carry one or close, and their number. Sums are taken lane by lane.
+    Returns the sum of min(u_n⁻, 0)² of contacts that close in the step and their number; the sums,
+    spins left out, of |u_t⁻| of those that carry an impulse and of the speeds of those that carry
+    one or close, each with their number. Sums are taken lane by lane.
     """
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for column in range(LANES):
-        squares, closes, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        squares, closes, shear, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for batch in range(first, last):
             lane = np.uint64(LANES * batch + column)
             q, f, p, a = pair_place(lane), frame_place(lane), impulse_place(lane), about_place(lane)
@@ -112,13 +112,13 @@ def begin_scalar(
                 squares += u_n * u_n
                 closes += 1.0
             if impulse[p] > 0.0:
-                slip += abs(u_t)
+                shear += abs(across)
                 loaded += 1.0
             if impulse[p] > 0.0 or (u_n < 0.0 and room + dt * u_n <= 0.0):
                 motion += sqrt(u_n * u_n + across * across)
                 met += 1.0
         sums = (
-            sums[0] + squares, sums[1] + closes, sums[2] + slip, sums[3] + loaded,
+            sums[0] + squares, sums[1] + closes, sums[2] + shear, sums[3] + loaded,
             sums[4] + motion, sums[5] + met,
         )  # fmt: skip
     return sums
@@ -248,7 +248,7 @@ def _begin(
         added = (
             hit * hit,
             closes,
-            loaded.where(">", zero, abs(u_t), zero),
+            loaded.where(">", zero, abs(across), zero),
             loaded,
             meets.where(">", zero, speed, zero),
             meets,
