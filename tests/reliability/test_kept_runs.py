@@ -22,18 +22,18 @@ VERSIONS = sorted(
 )
 
 ENDS = {
-    "1.0": {"state": "e550575b2347e087d0bcf2226bb5a246", "data": "bf50d636cc36569577229f613c953f6b"},
-    "1.1": {"state": "7bf3fca532ded7eb589b09853b62d66a", "data": "174abe0830ed702fbfc29af6789f7890"},
-    "1.2": {"state": "7bf3fca532ded7eb589b09853b62d66a", "data": "7d6790329945ef354a12c5cf31702b51"},
-    "1.3": {"state": "7bf3fca532ded7eb589b09853b62d66a", "data": "c10768afb8d4e5f0864deab199690285"},
-    "1.4": {"state": "f4f9b71f78b8dbf31e609f26f2163357", "data": "9b7b460766dd4e5176bd542e431878c1"},
-    "1.5": {"state": "e6ee03635d2d3800fa48be0859565f75", "data": "3ec24035af600c480ec85c91c67785ce"},
-    "1.6": {"state": "4f34fec43c2cad83460aec2f58ab5e0e", "data": "1d1eab821b5ac79cd5fbeeefea7cd505"},
-    "1.7": {"state": "c82fad2be43ef5b26d357ade398f362b", "data": "da3338cfa9b1bef0fc48a2f823d17535"},
-    "1.8": {"state": "b77a2be7adb5f62412389517d7835bca", "data": "1773865e228b1ba413a68de32aa0e453"},
-    "1.9": {"state": "b77a2be7adb5f62412389517d7835bca", "data": "1773865e228b1ba413a68de32aa0e453"},
-    "1.10": {"state": "b77a2be7adb5f62412389517d7835bca", "data": "693ab8e7aa5a73c13c3d1752985e50a1"},
-    "1.11": {"state": "f50688a5f905f683e1b67349bc1b1355", "data": "5ba68e69931a94d77805c3507edf2094"},
+    "1.0": {"state": "2ae3f500353ecbb8613d2b8e9c9dc17d", "data": "0c8bfcff2d8d38b311a92bb1e5cbe290"},
+    "1.1": {"state": "a140d97d08ee2e17966525b8847bc218", "data": "9396a85e97d7a9a6dbc5f0a36035deee"},
+    "1.2": {"state": "a140d97d08ee2e17966525b8847bc218", "data": "cb483710705c0a45181747fd9b89858e"},
+    "1.3": {"state": "a140d97d08ee2e17966525b8847bc218", "data": "4494cbc7af1b56efee3636843be94f1c"},
+    "1.4": {"state": "dfdb5e315fa04a47d42fc1f74e1b868e", "data": "fbe65dac14f4bafe871cb87f003f7557"},
+    "1.5": {"state": "8dc97564c954a3a34022099709bcdd0f", "data": "b4bd5b118105d11a345726e646f8fb5a"},
+    "1.6": {"state": "78f457677568740a0c3aa2776527bd80", "data": "cc213d2391c55ee46d96bdbe67865cf7"},
+    "1.7": {"state": "a083f81193bb2f21fdbe9ef30b74a4eb", "data": "76ef174568cb2cb41e21522a70bd62b1"},
+    "1.8": {"state": "09e403bb139a797a9d4747edc8d06726", "data": "d618de367df62ea7dac57e9a42590767"},
+    "1.9": {"state": "09e403bb139a797a9d4747edc8d06726", "data": "d618de367df62ea7dac57e9a42590767"},
+    "1.10": {"state": "09e403bb139a797a9d4747edc8d06726", "data": "58866ef7cd5d3a32ae6ddaf511c9e75a"},
+    "1.11": {"state": "2b4257971964b56be4c808d36d5da940", "data": "61c6f30eadb3a87e8d94b5097d322af2"},
     "1.12": {"state": "244bc0d383e812f2aec1abe14a5ce43b", "data": "176679df54f772f09055a88caf84cd82"},
 }  # fmt: skip
 """Digests with which the unfinished run of each version ends, whose files stay of that version.
