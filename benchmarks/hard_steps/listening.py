@@ -12,7 +12,7 @@ from typing import Any
 
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.engine import step as engine_module
+from multicor_cli.engine import mechanics as engine_module
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.jit.arrays import aligned_copy

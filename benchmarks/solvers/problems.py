@@ -20,7 +20,7 @@ from multicor_cli import open_run
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import Engine
-from multicor_cli.engine import step as engine_module
+from multicor_cli.engine import mechanics as engine_module
 from multicor_cli.engine.contact.solve import ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import OneByOne, batch
@@ -130,7 +130,7 @@ def _listening(engine: Engine, heard: list[tuple[System, ResidualScale]]) -> Ite
     solve: Callable[..., Any] = names["solve_system"]
 
     def listen(system: System, scale: ResidualScale, *rest: Any, **named: Any) -> Any:
-        heard.append((_by_grain(system, engine._layout.selection.lanes.place), scale))
+        heard.append((_by_grain(system, engine.mechanics.layout.selection.lanes.place), scale))
         return solve(system, scale, *rest, **named)
 
     names["solve_system"] = listen

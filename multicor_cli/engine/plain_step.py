@@ -1,7 +1,7 @@
 """Most steps of discs, in two calls: what precedes the solve, and what follows it.
 
 Between some thirty kernels Python takes longer than they do where grains are few. The two here do
-what `multicor_cli.engine.step` does with the same kernels, so that bits are the same, where no
+what `multicor_cli.engine.mechanics` does with the same kernels, so that bits are the same, where no
 grain grows and no law acts but friction and restitution. They say when a list or contacts have to
 be sought, which is done there.
 """

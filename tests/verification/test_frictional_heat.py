@@ -284,7 +284,7 @@ def test_friction_knows_the_wall_from_the_first_step():
     engine = slide(
         model=model, duration=1e-3, conditions=[at_temperature(900.0)], conduction="none"
     )
-    assert engine.moved.contacts[0].mu == pytest.approx(0.21, rel=1e-12)
+    assert engine.mechanics.moved.contacts[0].mu == pytest.approx(0.21, rel=1e-12)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])

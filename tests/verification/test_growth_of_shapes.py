@@ -126,7 +126,7 @@ def test_wear_takes_mass_and_size_and_keeps_the_shape():
     factor = np.sqrt(1.0 - share)
     assert state.radius[0] == pytest.approx(factor * model.grains.radius[0], rel=1e-12)
     assert state.position[0, 1] == pytest.approx(0.6 * factor, abs=2e-5)
-    now = engine._layout.model
+    now = engine.mechanics.layout.model
     assert now.grains.mass[0] == pytest.approx((1.0 - share) * model.grains.mass[0], rel=1e-13)
     assert now.spin_radius[0] == pytest.approx(factor * model.spin_radius[0], rel=1e-12)
     assert book(state, "closure") < 1e-12
@@ -145,7 +145,7 @@ def test_what_turns_sheds_its_energy():
     state = warmed(engine, 0.0, 200)
     assert state.wear[0] > 0.0
     assert state.growth_books[1] > 0.0
-    grains, now = engine._layout.model.grains, engine._layout.model
+    grains, now = engine.mechanics.layout.model.grains, engine.mechanics.layout.model
     v, u, spin = state.velocity[0]
     inertia = grains.mass[0] * now.spin_radius[0] ** 2 / 2.0
     energy = 0.5 * grains.mass[0] * (u * u + v * v) + 0.5 * inertia * spin * spin

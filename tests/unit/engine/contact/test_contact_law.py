@@ -273,7 +273,7 @@ def sheared(request):
 def _bodies(engine, before, after):
     """Grain i, grain or -1 - wall j, lever of j, and both spins before and after of each contact,
     in plain Python."""
-    scene, contacts, *_ = engine.moved
+    scene, contacts, *_ = engine.mechanics.moved
     n = engine.model.grain_count
     for c, (i, j) in enumerate(zip(contacts["i"], contacts["j"], strict=True)):
         wall = int(scene.wall[j - n]) if j >= n else -1
@@ -294,7 +294,7 @@ def _bodies(engine, before, after):
 def test_couples_of_a_flow_obey_their_law(sheared):
     """|M| ≤ μ_r a* q_n, and equal to it, against the relative spin, where contacts roll."""
     before, engine = sheared
-    contacts, count = engine.moved.contacts, 0
+    contacts, count = engine.mechanics.moved.contacts, 0
     for c, _, _, arm, (_, (first, second)) in _bodies(engine, before, engine.state):
         contact = contacts[c]
         bound, couple = 0.3 * arm * contact.p_n, contact.arm * contact.p_r

@@ -46,7 +46,7 @@ def test_no_other_pair_meets_and_those_that_carry_are_among_them():
         before = engine.state.near_i
         engine.step(DT, step * DT)
         sought += engine.state.near_i is not before
-        scene, _, after, *_ = engine.moved
+        scene, _, after, *_ = engine.mechanics.moved
         apart = scene.position[:, None, :2] - scene.position[None, :, :2]
         apart[..., 0] -= period * np.floor(apart[..., 0] / period + 0.5)
         distance = np.hypot(apart[..., 0], apart[..., 1])
@@ -78,7 +78,7 @@ def test_the_table_of_a_step_is_that_of_its_geometry_and_velocities():
     advance(engine, DT, 139)
     before = np.column_stack([engine.state.velocity[:, :2]])
     engine.step(DT, 139 * DT)
-    table, (scene, _, after, *_) = engine.contacts(), engine.moved
+    table, (scene, _, after, *_) = engine.contacts(), engine.mechanics.moved
     n, period = engine.model.grain_count, engine.model.period
     both = table.j < n
     i, j = table.i[both], table.j[both]

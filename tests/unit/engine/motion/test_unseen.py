@@ -379,7 +379,7 @@ def test_a_crowd_stays_in_its_box(way, seed):
     where they are too wild to be followed."""
     engine = crowd(way, seed=seed)
     engine.step(DT, 0.0)
-    place = engine.moved.scene.position if way > 10.0 else engine.state.position
+    place = engine.mechanics.moved.scene.position if way > 10.0 else engine.state.position
     x, radius, deep = place[:, :2], engine.model.grains.radius[:, None], 1e-3
     assert (x >= radius * (1.0 - deep)).all()
     assert (x <= 10.0 - radius * (1.0 - deep)).all()
@@ -434,7 +434,7 @@ def test_nothing_is_looked_for_where_nothing_is_new():
     none = np.empty(0, np.int64)
 
     def unseen(newcomers, dt, seen):
-        return find_unseen(engine.state, newcomers, engine.model, engine._motion, dt, seen)
+        return find_unseen(engine.state, newcomers, engine.model, engine.mechanics.motion, dt, seen)
 
     assert unseen(none, DT, 0.0) is None
     engine.step(DT, 0.0)
