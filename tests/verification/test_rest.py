@@ -105,7 +105,7 @@ def test_errors_stay_small_against_the_motion_that_there_is(motion, errors):
 def test_errors_are_measured_against_the_shear_in_flows_and_else_against_the_load(
     shear, rms, largest
 ):
-    """u_rms = max(u_load, 40 s min(1, √(s/u_load))) and u_ref = max(u_load, u_rms/5) (§5.3)."""
+    """u_rms = max(u_load, 40 s min(1, √(s/u_load))) and u_ref = max(u_load, u_rms/5) (theory §5.3)."""
     speeds = Speeds(squares=0.0, closing=0.0, shear=12.0 * shear, loaded=12.0, motion=0.0, met=12.0)
     scale = ResidualScale.of(
         speeds, mass=6.0, count=3, weight=1.0, thrust=0.0, attraction=0.0, restitution=0.0,
