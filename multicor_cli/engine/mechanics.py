@@ -172,20 +172,20 @@ class Mechanics:
         if self._is_plain(step):
             return self._move_plainly(step, should_stop)
         loaded = state.contact_i, state.contact_j, state.contact_point
-        ours = self.contacts
+        step_contacts = self.contacts
 
         # Contacts serve until another pair may close in a step; where the solved velocities carry
         # one that far, all are solved once more with it.
-        ours.select(step)
+        step_contacts.select(step)
         self.clock.stop("detect")
-        margin, is_missing, least = 0.0, True, ours.least_gap()
+        margin, is_missing, least = 0.0, True, step_contacts.least_gap()
         stopped = np.zeros(layout.model.grain_count, np.bool_)
         while is_missing:
-            contacts, scale, is_solved, lacking, beyond = ours.gather(step, least, stopped)
+            contacts, scale, is_solved, lacking, beyond = step_contacts.gather(step, least, stopped)
             if lacking > 0.0:
-                selection.seek(step.scene, step.pieces, max(ours.margin(step), lacking))
+                selection.seek(step.scene, step.pieces, max(step_contacts.margin(step), lacking))
                 continue
-            ordered = ours.assemble(step.scene, contacts)
+            ordered = step_contacts.assemble(step.scene, contacts)
             self.clock.stop("prepare")
             outcome = _NOTHING_TO_SOLVE
             if is_solved:
@@ -200,16 +200,16 @@ class Mechanics:
             ):  # fmt: skip
                 contacts["p_n"], contacts["p_t"], selection.lanes.impulse[:] = 0.0, 0.0, 0.0
                 continue
-            cutoff = ours.cutoff_after(step, after)
-            ours.list_up_to(cutoff, step)
-            far = ours.far(step, cutoff, after)
+            cutoff = step_contacts.cutoff_after(step, after)
+            step_contacts.list_up_to(cutoff, step)
+            far = step_contacts.far(step, cutoff, after)
             is_missing, fastest = selection.closing(
                 step.scene, step.pieces, after, after, far, dt, -math.inf
             )
             if is_missing:
-                margin = max(2.0 * margin, 1.5 * dt * fastest, ours.margin(step))
+                margin = max(2.0 * margin, 1.5 * dt * fastest, step_contacts.margin(step))
                 selection.seek(step.scene, step.pieces, margin)
-                ours.select_impacts(step)
+                step_contacts.select_impacts(step)
             elif step.pieces is not None:
                 closed = closed_beyond(
                     step.scene, step.pieces, layout.before, after, dt, selection.faces, beyond,
