@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cut_runs import BOX
 from scenes import HEATED, PACKED, SMALL, changed, write_small
-from shaped import rod, shaped_model
+from shaped_frames import rod, shaped_model
 
 from multicor_cli import check_scenario
 from multicor_cli.checks import Verdict, resolution, worst_verdict

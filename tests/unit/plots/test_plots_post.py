@@ -8,7 +8,7 @@ import pytest
 from drawn import figure_of, map_of, panel_of
 from layers import sliding
 from made_up_frames import source_of
-from shaped import points_of, regular, shaped_frame, shaped_model
+from shaped_frames import points_of, regular, shaped_frame, shaped_model
 from shaped_run import box
 
 from multicor_cli import plots, post

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from made_up_frames import frame_of, source_of
-from shaped import (
+from shaped_frames import (
     below,
     box,
     chords,

@@ -8,7 +8,7 @@ import post_oracle as oracle
 import pytest
 from made_up_frames import frame_of, source_of
 from scene_parts import make_model
-from shaped import box, disc, points_of, regular, rod, shaped_frame, shaped_model
+from shaped_frames import box, disc, points_of, regular, rod, shaped_frame, shaped_model
 
 from multicor_cli import post
 from multicor_cli.post.orientation import axes_of, degrees_of

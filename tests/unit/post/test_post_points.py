@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import FLOOR
-from shaped import box, disc, points_of, regular, rod, shaped_frame, shaped_model
+from shaped_frames import box, disc, points_of, regular, rod, shaped_frame, shaped_model
 
 from multicor_cli import post
 from multicor_cli.model import Thermal

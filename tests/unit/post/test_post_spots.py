@@ -8,7 +8,7 @@ import pytest
 from made_up_frames import source_of
 from scenarios import plane, rows_of, scenario
 from scene_parts import FLOOR
-from shaped import box, disc, points_of, regular, rod, shaped_frame, shaped_model
+from shaped_frames import box, disc, points_of, regular, rod, shaped_frame, shaped_model
 from shaped_run import measures
 
 from multicor_cli import post

@@ -4,8 +4,8 @@ steps of many diameters."""
 import numpy as np
 import pytest
 from scene_parts import TIGHT, book, make_engine, make_model
-from shaped import box as plate
-from shaped import shaped_model
+from shaped_frames import box as plate
+from shaped_frames import shaped_model
 
 from multicor_cli.engine import PhysicsError
 from multicor_cli.engine.motion.drives import DofDrive, Ramp, WallDrive
