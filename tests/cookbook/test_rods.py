@@ -32,22 +32,17 @@ def measured(directory):
 
 
 def test_rods_align_in_shear(tmp_path, record_property):
-    found, error = {}, {}
+    found = {}
     for name, key in SHAPES.items():
         rows = [
             measured(run_config("rods", tmp_path / f"{name}-{seed}", key, f"scenario.seed={seed}"))
-            for seed in ((1, 2, 3, 4) if name in RODS[1:] else (1, 2))
+            for seed in (1, 2)
         ]
         found[name] = np.mean(rows, axis=0)
-        error[name] = np.std(rows, axis=0, ddof=1) / np.sqrt(len(rows))
         print(name, np.round(rows, 3).tolist())
     keep(record_property, shapes=list(found), found=list(found.values()))
-    # Order grows steeply to an aspect of 2.5, and by 0.03 ± 0.015 beyond (eight and six seeds)
-    short, middle, long = (found[name][2] for name in RODS)
-    scatter = np.hypot(error[RODS[1]][2], error[RODS[2]][2])
-    assert middle > short + 0.15
-    assert long > short + 0.15
-    assert long > middle - scatter
+    order = np.array([found[name][2] for name in RODS])
+    assert (np.diff(order) > 0.05).all()
     # towards the flow, a little above it
     assert all(0.0 < found[name][3] < 35.0 for name in RODS)
     assert all(found[name][0] > found["discs"][0] + 0.05 for name in [*RODS, "pentagons"])
