@@ -8,9 +8,9 @@ from digest_cases import CONFIGS, SHIPPED
 from scene_parts import advance, copy_of, shear_engine
 from scenes import RAIN, SMALL, changed
 
-from multicor_cli.engine import Engine
 from multicor_cli.engine.jit.addresses import call, serial, table
 from multicor_cli.engine.jit.compile import IS_COMPILING, kernel, parallel_kernel, prange
+from multicor_cli.engine.mechanics import Mechanics
 from multicor_cli.engine.orders import Interrupted, PhysicsError, Settings
 from multicor_cli.running import session
 from multicor_cli.running.from_scenario import make_plan
@@ -41,14 +41,14 @@ def steps_of(path, overrides, steps=STEPS):
 def counted(monkeypatch):
     """How many steps go either way from now on."""
     ways = {True: 0, False: 0}
-    ask = Engine._is_plain
+    ask = Mechanics._is_plain
 
     def note(self, step):
         is_plain = ask(self, step)
         ways[is_plain] += 1
         return is_plain
 
-    monkeypatch.setattr(Engine, "_is_plain", note)
+    monkeypatch.setattr(Mechanics, "_is_plain", note)
     return ways
 
 
@@ -75,7 +75,7 @@ def test_bits_are_those_of_the_other_way(source, least, tmp_path, monkeypatch):
         path = tmp_path / "scene.toml"
         path.write_text(source)
     with monkeypatch.context() as patch:
-        patch.setattr(Engine, "_is_plain", lambda self, step: False)
+        patch.setattr(Mechanics, "_is_plain", lambda self, step: False)
         expected = steps_of(path, overrides)
     ways = counted(monkeypatch)
     for step, (had, has) in enumerate(zip(expected, steps_of(path, overrides), strict=True)):
@@ -102,17 +102,20 @@ def test_a_step_that_fails_leaves_the_state_as_it_was():
         with pytest.raises(Interrupted):
             failing.step(DT, step * DT, lambda: True)
         assert is_same(before, failing.state)
-        failing.orders = other.orders = replace(usual, settings=STRICT)
+        for engine in (failing, other):
+            engine.resume(replace(usual, settings=STRICT))
         try:
             failing.step(DT, step * DT)
         except PhysicsError:
             failed += 1
             assert is_same(before, failing.state)
-            failing.orders = other.orders = usual
+            for engine in (failing, other):
+                engine.resume(usual)
             failing.step(DT, step * DT)
         other.step(DT, step * DT)
         assert is_same(failing.state, other.state)
-        failing.orders = other.orders = usual
+        for engine in (failing, other):
+            engine.resume(usual)
     assert failed > 5
 
 
