@@ -18,8 +18,14 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.vector_step import ABOUT_ROWS, SMALLER
+from multicor_cli.engine.contact.vector_sweep import (
+    BRANCH_ROWS,
+    FRAME_ROWS,
+    IMPULSE_ROWS,
+    PAIR_ROWS,
+)
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.arrays import aligned
+from multicor_cli.engine.jit.arrays import aligned, aligned_zeros
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FIRST, MASS, SECOND, X, Y
@@ -27,10 +33,10 @@ from multicor_cli.model.model import Floats, Ints
 
 MANY = 16  # contacts of a grain from which on they are crowded: relaxed serially
 
-TILED, CROWDED, GENERAL, FACE = 0, 1, 2, 3
+TILED, CROWDED, GENERAL, FACE, FREE_FACE = range(5)
 """Classes of contacts; those of grains that are no discs (`engine/contact/faces.py`) are faces."""
 
-_NONE = np.empty(0, np.int32)
+_NO_FACES = np.empty(0, np.bool_)
 _NOWHERE = -(1 << 31)  # the lane of what lies in none
 COLORS = 4
 STREAMS = 4  # parts of a tile whose contacts take turns
@@ -38,31 +44,40 @@ STREAMS = 4  # parts of a tile whose contacts take turns
 
 @kernel
 def classify_contacts(
-    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_], classes: NDArray[np.int8]
-) -> None:
-    """How each contact is relaxed, into ``classes``, **modified**, shape ``(c,)``.
+    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_], is_face: NDArray[np.bool_]
+) -> NDArray[np.int8]:
+    """How each contact is relaxed, shape ``(c,)``.
 
-    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom. What has a
-    `FACE` is none of this.
+    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom. What is a face
+    is a `FACE`, or a `FREE_FACE` with such a wall.
     """
-    n = scene.radius.size
+    n, classes = scene.radius.size, np.zeros(i.size, np.int8)
     degree = np.zeros(n, np.int32)
     for c in range(i.size):
-        if classes[c] == FACE:
+        if is_face.size and is_face[c]:
             continue
         degree[i[c]] += 1
         if j[c] < n:
             degree[j[c]] += 1
     for c in range(i.size):
-        if classes[c] == FACE:
-            continue
-        if j[c] >= n:
-            if wall_is_free[scene.wall[j[c] - n]]:
-                classes[c] = GENERAL
-            elif degree[i[c]] > MANY:
-                classes[c] = CROWDED
-        elif degree[i[c]] > MANY or degree[j[c]] > MANY:
+        is_general = j[c] >= n and wall_is_free[scene.wall[j[c] - n]]
+        if is_face.size and is_face[c]:
+            classes[c] = FREE_FACE if is_general else FACE
+        elif is_general:
+            classes[c] = GENERAL
+        elif degree[i[c]] > MANY or (j[c] < n and degree[j[c]] > MANY):
             classes[c] = CROWDED
+    return classes
+
+
+@kernel
+def _with_walls(j: Ints, grains: int, classes: NDArray[np.int8], least: int, most: int) -> Ints:
+    """Contacts with walls, of the classes from ``least`` to ``most``."""
+    found, ours = 0, np.empty(j.size, np.int32)
+    for c in range(j.size):
+        ours[found] = c
+        found += j[c] >= grains and least <= classes[c] <= most
+    return ours[:found].copy()
 
 
 @kernel
@@ -116,47 +131,37 @@ def tiles_of(
 
 
 @kernel
-def assign_tiles(
-    i: Ints, classes: NDArray[np.int8], tile: Ints, color_start: NDArray[np.int64], columns: int
-) -> Ints:
-    """Tile of each contact, shape ``(c,)``: of its grain i; the next if crowded, -1 if general.
+def order_contacts(
+    i: Ints, classes: NDArray[np.int8], kind: int, tile: Ints, color_start: NDArray[np.int64],
+    columns: int,
+) -> tuple[Ints, NDArray[np.int64]]:  # fmt: skip
+    """The contacts of a ``kind`` by the tile of their grain i and key, and the starts of tiles.
 
-    ``tile`` is from `tiles_of`, ``classes`` from `classify_contacts`.
+    Crowded ones come last, with the tiled; ``tile`` is from `tiles_of`.
     """
-    half_x = (columns + 1) // 2
-    found = np.empty(i.size, np.int32)
+    tiles, half_x = color_start[COLORS] + 1, (columns + 1) // 2
+    of_contact, start = np.empty(i.size, np.int32), np.zeros(tiles + 1, np.int64)
     for c in range(i.size):
-        if classes[c] == TILED:
+        of_contact[c] = -1
+        if classes[c] == kind:
             tx, ty = tile[i[c], X], tile[i[c], Y]
             wide = half_x if tx % 2 == 0 else columns - half_x
-            found[c] = color_start[tx % 2 + 2 * (ty % 2)] + (ty // 2) * wide + tx // 2
-        else:
-            found[c] = color_start[COLORS] if classes[c] == CROWDED else -1
-    return found
-
-
-@kernel
-def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64]]:
-    """Diagonal contacts by tile, crowded ones last, and key; general ones; the starts of tiles."""
-    start = np.zeros(tiles + 1, np.int64)
-    for c in range(tile.size):
-        if tile[c] >= 0:
-            start[tile[c] + 1] += 1
+            of_contact[c] = color_start[tx % 2 + 2 * (ty % 2)] + (ty // 2) * wide + tx // 2
+        elif classes[c] == CROWDED and kind == TILED:
+            of_contact[c] = color_start[COLORS]
+        if of_contact[c] >= 0:
+            start[of_contact[c] + 1] += 1
     for t in range(tiles):
         start[t + 1] += start[t]
     fill = start[:-1].copy()
     order = np.empty(start[-1], np.int32)
-    general = np.empty(tile.size - start[-1], np.int32)
-    found = 0
-    for c in range(tile.size):
-        if tile[c] >= 0:
-            order[fill[tile[c]]] = c
-            fill[tile[c]] += 1
-        else:
-            general[found] = c
-            found += 1
+    for c in range(i.size):
+        t = of_contact[c]
+        if t >= 0:
+            order[fill[t]] = c
+            fill[t] += 1
     _interleave(order, start[:-1])
-    return order, general, start
+    return order, start
 
 
 @kernel
@@ -314,30 +319,82 @@ def make_batches(
     return slot[: start[-1]].copy(), start
 
 
+class Arrangement(NamedTuple):
+    """Order, rows and batches of contacts.
+
+    Attributes:
+        order: Diagonal contacts in the order of the sweep, shape ``(k,)``; then faces.
+        bodies: Rows of their bodies, shape ``(k + f, 2)``.
+        rows: Number of rows without those of empty lanes.
+        general: General contacts; ``walls`` are diagonal ones with walls, both ascending.
+        face_rest: Faces with walls that have a free degree of freedom; ``face_start`` as in
+            `Schedule`; what is left as in `System`.
+    """
+
+    order: Ints
+    bodies: Ints
+    rows: int
+    place: Ints
+    slot: Ints
+    tile_start: NDArray[np.int64]
+    color_start: NDArray[np.int64]
+    general: Ints
+    walls: Ints
+    face_start: NDArray[np.int64]
+    face_rest: Ints
+
+
+@kernel
+def arrange_contacts(
+    scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_],
+    is_face: NDArray[np.bool_],
+) -> Arrangement:  # fmt: skip
+    """Order and batches of contacts; arguments as `schedule_contacts`."""
+    grains, columns, rows = scene.radius.size, 1, 1
+    for k in range(tile.shape[0]):
+        columns, rows = max(columns, tile[k, X] + 1), max(rows, tile[k, Y] + 1)
+    color_start = color_tiles(columns, rows)
+    classes = classify_contacts(scene, i, j, wall_is_free, is_face)
+    tiled, start = order_contacts(i, classes, TILED, tile, color_start, columns)
+    faces, face_start = order_contacts(i, classes, FACE, tile, color_start, columns)
+    order = np.empty(tiled.size + faces.size, np.int32)
+    for k in range(order.size):
+        order[k] = tiled[k] if k < tiled.size else faces[k - tiled.size]
+    walls = _with_walls(j, grains, classes, TILED, CROWDED)
+    general = _with_walls(j, grains, classes, GENERAL, GENERAL)
+    place, bodies, count = number_bodies(i, j, order, general, grains, wall_is_free.size)
+    slot, tile_start = make_batches(bodies[: tiled.size], start, count)
+    return Arrangement(
+        order, bodies, count, place, slot, tile_start, color_start, general, walls, face_start,
+        _with_walls(j, grains, classes, FREE_FACE, FREE_FACE),
+    )  # fmt: skip
+
+
 @kernel
 def fill_lanes(
-    order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int64], slot: Ints, pair: Ints
+    made: Arrangement, pair: Ints, lane: Ints, middle: Floats, frame: Floats, about: Floats
 ) -> None:
-    """Put contacts and their bodies into their lanes: ``slot`` and ``pair`` are **modified**.
+    """Put contacts and their bodies into their lanes; empty ones lie apart, and have a mass.
 
-    ``order`` are the contacts in the order of the sweep, ``bodies`` their rows. Two more rows are
-    for the empty lanes of each tile: no two tiles share a body. ``slot`` has ranks at first.
+    Two more rows are for the empty lanes of each tile: no two tiles share a body. ``made.slot`` has
+    ranks in the order at first. **Modifies** it and what follows it, as in `Schedule`.
     """
+    slot, tile_start, bodies = made.slot, made.tile_start, made.bodies
+    for c in range(lane.size):
+        lane[c] = _NOWHERE
     for t in range(tile_start.size - 1):
+        empty = made.rows + 2 * t
+        middle[empty + 1, X] = 1.0
         for q in range(tile_start[t], tile_start[t + 1]):
-            for lane in range(LANES):
-                k = slot[q, lane]
-                if k >= 0:
-                    slot[q, lane] = order[k]
-                    pair[q, FIRST, lane], pair[q, SECOND, lane] = (
-                        4 * bodies[k, FIRST],
-                        4 * bodies[k, SECOND],
-                    )
-                else:
-                    pair[q, FIRST, lane], pair[q, SECOND, lane] = (
-                        4 * (rows + 2 * t),
-                        4 * (rows + 2 * t + 1),
-                    )
+            for k in range(LANES):
+                rank, first, second = slot[q, k], empty, empty + 1
+                if rank >= 0:
+                    c, first, second = made.order[rank], bodies[rank, FIRST], bodies[rank, SECOND]
+                    slot[q, k], lane[c] = c, LANES * q + k
+                pair[q, FIRST, k], pair[q, SECOND, k] = 4 * first, 4 * second
+                frame[q, MASS, k] = about[q, SMALLER, k] = 1.0
+    for k in range(made.general.size):
+        lane[made.general[k]] = -1 - k
 
 
 # ---- Schedules: everything about a sweep that forces and velocities do not change
@@ -429,71 +486,33 @@ def _upright(scene: Scene) -> Floats:
 
 def schedule_contacts(
     scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_],
-    is_face: NDArray[np.bool_] | None = None,
+    is_face: NDArray[np.bool_] = _NO_FACES,
 ) -> Schedule:  # fmt: skip
     """The schedule of contacts with these shapes, sorted by key; ``tile`` is from `lay_tiles`.
 
     ``wall_is_free`` marks walls that loads move, ``is_face`` contacts of grains that are no discs.
     """
-    columns, rows = (tile.max(axis=0) + 1).tolist()
-    color_start = color_tiles(columns, rows)
-    classes = np.zeros(i.size, np.int8)
-    if is_face is not None:
-        classes[is_face] = FACE
-    classify_contacts(scene, i, j, wall_is_free, classes)
-    of_contact = assign_tiles(i, classes, tile, color_start, columns)
-    tiles, grains = int(color_start[-1]) + 1, scene.radius.size
-    order, general, start = order_contacts(of_contact, tiles)
-    of_faces, face_start, rest = _NONE, np.zeros(tiles + 1, np.int64), _NONE
-    if is_face is not None:
-        general = general[~is_face[general]]
-        stands, with_walls = np.ones(i.size, np.bool_), j >= grains
-        stands[with_walls] = ~wall_is_free[scene.wall[j[with_walls] - grains]]
-        classes[is_face & stands] = TILED
-        classes[~is_face] = GENERAL
-        of_face = assign_tiles(i, classes, tile, color_start, columns)
-        of_faces, _, face_start = order_contacts(of_face, tiles)
-        rest = np.flatnonzero(is_face & ~stands).astype(np.int32)
-    place, bodies, count = number_bodies(
-        i, j, np.concatenate([order, of_faces]), general, grains, wall_is_free.size
-    )
-    slot, tile_start = make_batches(bodies[: order.size], start, count)
-    pair = aligned((slot.shape[0], 2, LANES), np.int32)
-    fill_lanes(order, bodies, count, tile_start, slot, pair)
-    batches, rows = slot.shape[0], count + 2 * (tile_start.size - 1)
-    velocity, start_velocity, middle, frame, impulse, about, before, gap, branch = (
-        _zeros(shape)
-        for shape in (
-            (rows, 4), (rows, 4), (rows, 4), (batches, 5, LANES), (batches, 2, LANES),
-            (batches, ABOUT_ROWS, LANES), (batches, 2, LANES), (batches, LANES),
-            (batches if scene.height > 0.0 else 0, 2, LANES),
-        )
+    made = arrange_contacts(scene, i, j, tile, wall_is_free, is_face)
+    general, walls, batches = made.general, made.walls, made.slot.shape[0]
+    rows, tiled = made.rows + 2 * (made.tile_start.size - 1), made.order.size - made.face_start[-1]
+    velocity, start, middle, frame, impulse, about, before, gap, branch = aligned_zeros(
+        (rows, 4), (rows, 4), (rows, 4), (batches, FRAME_ROWS, LANES),
+        (batches, IMPULSE_ROWS, LANES), (batches, ABOUT_ROWS, LANES),
+        (batches, IMPULSE_ROWS, LANES), (batches, LANES),
+        (batches if scene.height > 0.0 else 0, BRANCH_ROWS, LANES),
     )  # fmt: skip
-    middle[count + 1 :: 2, X] = 1.0  # the two bodies of empty lanes are apart
-    frame[:, MASS] = about[:, SMALLER] = 1.0
-    lane = np.empty(i.size, np.int32)
-    filled = np.flatnonzero(slot.reshape(-1) >= 0).astype(np.int32)
-    lane[slot.reshape(-1)[filled]] = filled
-    if is_face is not None:
-        lane[is_face] = _NOWHERE
-    lane[general] = -1 - np.arange(general.size, dtype=np.int32)
+    pair, lane = aligned((batches, PAIR_ROWS, LANES), np.int32), np.empty(i.size, np.int32)
+    fill_lanes(made, pair, lane, middle, frame, about)
     of_general = (
         np.zeros((general.size, 2), np.int32), np.zeros((general.size, 8)),
         np.zeros((general.size, 2, 2)), np.zeros((general.size, 2)),
     )  # fmt: skip
-    walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
     return Schedule(
-        slot, pair, tile_start, color_start, general, walls, np.concatenate([walls, general]), lane,
-        place, velocity, start_velocity, middle, frame, impulse, about, before, gap, branch,
-        np.empty((grains + wall_is_free.size, 3)), of_general,
-        of_faces, bodies[order.size :].copy(), face_start, rest,
+        made.slot, pair, made.tile_start, made.color_start, general, walls,
+        np.concatenate([walls, general]), lane, made.place, velocity, start, middle, frame, impulse,
+        about, before, gap, branch, np.empty((made.place.size + wall_is_free.size, 3)), of_general,
+        made.order[tiled:].copy(), made.bodies[tiled:].copy(), made.face_start, made.face_rest,
     )  # fmt: skip
-
-
-def _zeros(shape: tuple[int, ...]) -> Floats:
-    array = aligned(shape)
-    array[:] = 0.0
-    return array
 
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:

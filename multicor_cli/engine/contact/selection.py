@@ -202,7 +202,7 @@ def deepest_overlap(scene: Scene, pieces: Pieces | None, i: Ints, j: Ints) -> fl
     return best
 
 
-_NO_ROOM = np.empty(0, np.int32)
+_NO_ROOM, _NO_FACES = np.empty(0, np.int32), np.empty(0, np.bool_)
 
 
 class Selection:
@@ -408,9 +408,9 @@ class Selection:
             self._system = self.lanes.system(spin_factor, self.contacts.size)
         return self._system
 
-    def _are_faces(self) -> NDArray[np.bool_] | None:
+    def _are_faces(self) -> NDArray[np.bool_]:
         if self._pieces is None or not self.faces.first.size:
-            return None
+            return _NO_FACES
         return rows_of_faces(self._pieces.is_face, self.i, self.j)
 
     def pairs_with(self, chosen: NDArray[np.bool_]) -> tuple[Ints, Ints]:

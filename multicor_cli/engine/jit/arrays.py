@@ -32,6 +32,18 @@ def aligned(shape: tuple[int, ...], dtype: type[Any] = np.float64) -> NDArray[An
     return np.ndarray(shape, dtype, memory, -address % _CACHE_LINE)
 
 
+def aligned_zeros(*shapes: tuple[int, ...]) -> list[Floats]:
+    """Arrays of zeros in one piece of memory, each from a cache line on."""
+    line = _CACHE_LINE // np.dtype(np.float64).itemsize
+    sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
+    memory, first, arrays = aligned((sum(sizes),)), 0, []
+    memory[:] = 0.0
+    for shape, size in zip(shapes, sizes, strict=True):
+        arrays.append(memory[first : first + math.prod(shape)].reshape(shape))
+        first += size
+    return arrays
+
+
 def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:
     """A copy that begins at a cache line."""
     copy = aligned(array.shape, array.dtype.type)
