@@ -19,7 +19,8 @@ import multicor_cli as multicor
 
 PLACES = {
     "digests": -3, "unit/project/test_types.py": -2, "unit/project/test_solver_comparison.py": 1,
-    "unit/project/test_uniqueness.py": 1, "unit/project": -1, "browser": -1, "unit/scenario": -1,
+    "unit/project/test_uniqueness.py": 1, "unit/project/test_peers.py": 1,
+    "unit/project/test_shape_peers.py": 1, "unit/project": -1, "browser": -1, "unit/scenario": -1,
     "unit/plots": -1, "unit/report": -1, "unit": 1, "verification": 2,
 }  # fmt: skip
 """Folders and files that come before others, or after: one process compiles the kernels with the

@@ -34,14 +34,15 @@ def aligned(shape: tuple[int, ...], dtype: type[Any] = np.float64) -> NDArray[An
 
 def aligned_zeros(*shapes: tuple[int, ...]) -> list[Floats]:
     """Arrays of zeros in one piece of memory, each from a cache line on."""
-    line = _CACHE_LINE // np.dtype(np.float64).itemsize
-    sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
-    memory, first, arrays = aligned((sum(sizes),)), 0, []
+    line, ends = _CACHE_LINE // np.dtype(np.float64).itemsize, [0]
+    for shape in shapes:
+        ends.append(ends[-1] + -(-math.prod(shape) // line) * line)
+    memory = aligned((ends[-1],))
     memory[:] = 0.0
-    for shape, size in zip(shapes, sizes, strict=True):
-        arrays.append(memory[first : first + math.prod(shape)].reshape(shape))
-        first += size
-    return arrays
+    return [
+        memory[begin : begin + math.prod(shape)].reshape(shape)
+        for begin, shape in zip(ends, shapes, strict=False)
+    ]
 
 
 def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:

@@ -78,14 +78,29 @@ for _function in vars(elementary).values():
 compile_with(_inlined)
 
 
+class _Kernel(CPUDispatcher):
+    """A kernel, compiled once for all numbers: Numba would for each that is written in a call."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        named = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(types.unliteral, args)), named)
+
+
+def _compiled(function: F, dispatcher: type[CPUDispatcher], **options: Any) -> F:
+    compiled: Any = numba.njit(cache=True, error_model="numpy", **_NO_C, **options)(function)
+    if IS_COMPILING:
+        compiled.__class__ = dispatcher
+    return compiled  # type: ignore[no-any-return]
+
+
 def kernel(function: F) -> F:
     """Compile a serial kernel."""
-    return numba.njit(cache=True, error_model=("numpy"), **_NO_C)(function)  # type: ignore[return-value]
+    return _compiled(function, _Kernel)
 
 
 def threaded_loop(function: F) -> F:
     """Compile a kernel whose ``prange`` loops run on several threads, for other kernels to call."""
-    return numba.njit(cache=True, error_model=("numpy"), parallel=True, **_NO_C)(function)  # type: ignore[return-value]
+    return _compiled(function, _Kernel, parallel=True)
 
 
 def parallel_kernel(function: F) -> F:
@@ -127,7 +142,7 @@ def _twin(function: Callable[..., Any], version: str) -> Callable[..., Any]:
     return twin
 
 
-class _ForKernels(CPUDispatcher):
+class _ForKernels(_Kernel):
     """What kernels alone call. Numba would crash where Python does, as there is no entry for it."""
 
     def __call__(self, *_: Any, **__: Any) -> Any:
@@ -146,15 +161,9 @@ def _wide(kind: Any) -> Any:
     return types.int64 if isinstance(kind, types.Integer) else kind
 
 
-def _for_kernels(function: F, kind: type[_ForKernels], **options: Any) -> F:
+def _for_kernels(function: F, dispatcher: type[_ForKernels], **options: Any) -> F:
     """Compile without an entry for Python, which takes a seventh of all compilation."""
-    no_entry: dict[str, Any] = {"no_cpython_wrapper": True}
-    compiled: Any = numba.njit(
-        cache=True, error_model="numpy", **options, **no_entry, **_NO_C, **_WITHOUT_COUNTING
-    )(function)
-    if IS_COMPILING:
-        compiled.__class__ = kind
-    return compiled  # type: ignore[no-any-return]
+    return _compiled(function, dispatcher, no_cpython_wrapper=True, **options, **_WITHOUT_COUNTING)
 
 
 def subroutine(function: F) -> F:
