@@ -20,7 +20,7 @@ SHAPES = {
 }
 RODS = [name for name in SHAPES if name.startswith("aspect")]
 SEEDS = {"aspect 2.5": 16, "aspect 4": 16}
-"""Runs of these two differ by no more than two runs with other seeds: 0.03 in S. Others need two."""
+"""Of these S differs by 0.045 ± 0.008, as two runs with other seeds do; of others two tell enough."""
 
 
 def measured(directory):
@@ -44,9 +44,7 @@ def test_rods_align_in_shear(tmp_path, record_property):
         print(name, np.round(rows, 3).tolist())
     keep(record_property, shapes=list(found), found=list(found.values()))
     order = np.array([found[name][2] for name in RODS])
-    steps = np.diff(order)
-    assert steps[0] > 0.05
-    assert steps[1] > 0.01  # a standard error
+    assert (np.diff(order) > [0.05, 0.02]).all()
     # towards the flow, a little above it
     assert all(0.0 < found[name][3] < 35.0 for name in RODS)
     assert all(found[name][0] > found["discs"][0] + 0.05 for name in [*RODS, "pentagons"])
