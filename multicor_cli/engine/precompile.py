@@ -79,16 +79,9 @@ from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.engine.motion.correction import (
-    Correction,
-    mark_again,
-    pairs_of,
-    push_apart,
-    surround,
-)
+from multicor_cli.engine.motion.correction import Correction, push_apart
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, wrap
-from multicor_cli.engine.motion.separation import separate
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.step import Engine
 from multicor_cli.model.columns import MASS
@@ -126,7 +119,6 @@ def precompile(*, has_shapes: bool = False, has_heat: bool = True) -> None:
     _finish(model, state, moved, pieces)
     _prepare(model, scene, contacts, bodies, pieces)
     _unstick(system, momentum, memory)
-    _separate(model, scene, pieces)
     if not has_shapes:
         _between(model)
 
@@ -176,8 +168,8 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     wrap(state.position, state.image, model.period)
     mass = model.grains.mass
     push_apart(
-        scene, pieces, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY), _NOBODY, mass, mass,
-        np.zeros(1, np.bool_),
+        scene, pieces, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY),
+        _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, pieces, _NOBODY, _NOBODY)
     sums = account_grains(
@@ -254,17 +246,6 @@ def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> No
     keep_in_mind(system, met)
     choose_patch(system, 1, met)
     has_clusters(system)
-
-
-def _separate(model: Model, scene: Scene, pieces: Pieces | None) -> None:
-    """What only steps need in which it is not enough to push pairs apart one by one."""
-    around, marked, mass = both_ways(_NO_ROWS, _NOBODY), np.zeros(1, np.bool_), model.grains.mass
-    surround(scene, pieces, around, _NOBODY, 1.0, 1, marked)
-    separate(
-        scene, pieces, *pairs_of(around, _NOBODY, marked), marked, mass, mass, np.zeros((1, 3)),
-        1.0, 1.0, 1.0, 1.0, 1,
-    )  # fmt: skip
-    mark_again(scene, pieces, around, _NOBODY, 1.0, marked)
 
 
 def _one_grain(*, has_shapes: bool) -> Model:

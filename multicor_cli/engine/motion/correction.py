@@ -27,7 +27,7 @@ from multicor_cli.engine.motion.cell import strain_between
 from multicor_cli.engine.motion.separation import displace, levers_of, separate
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.columns import FIRST, SECOND, XX, YY, X, Y
+from multicor_cli.model.columns import FIRST, SECOND, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 
 # ---- No overlap may exceed 5·10⁻⁴ of the smaller radius
@@ -292,28 +292,75 @@ class Correction(NamedTuple):
 def push_apart(
     scene: Scene,
     pieces: Pieces | None,
+    local: Floats,
     i: Ints,
     j: Ints,
     around: Around,
     partner: Ints,
     mass: Floats,
     inertia: Floats,
+    wall_inverse: Floats,
+    near: float,
+    below: float,
+    rings: int,
     marked: NDArray[np.bool_],
-) -> tuple[bool, float, float, float, float]:
-    """Push pairs of (i, j) that overlap by more than `ALLOWED` apart, one by one.
+) -> tuple[float, float, float, int]:
+    """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
-    ``around`` and ``partner`` list all whom that may push. **Modifies** positions of ``scene`` and
-    ``pieces``; ``marked`` become the grains that still overlap. Returns whether any did; the
-    largest overlap of those that still do (or 0), and that of others; Σ m δx and Σ m δy [kg m].
+    The pairs (i, j) are those that may at first, all others overlap by ``below`` at most;
+    ``around`` and ``partner`` list all with a gap up to ``near`` [m], which take part.
+    ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
+    walls, shape ``(w, 3)``: they move with everything only. **Modifies** what
+    `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
+    Σ m δx and Σ m δy [kg m], and the rounds.
     """
-    above, below = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
-    if above == 0.0:
-        return False, above, below, 0.0, 0.0
-    pull_x, pull_y = push_pairs(
-        scene, pieces, i, j, around, partner, mass, inertia, TARGET, ALLOWED, marked
-    )
-    above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
-    return True, above, max(below, others), pull_x, pull_y
+    above, others = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
+    below = max(below, others)
+    held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
+    largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
+    if above > 0.0:
+        pull_x, pull_y = push_pairs(
+            scene, pieces, i, j, around, partner, mass, inertia, TARGET, ALLOWED, marked
+        )
+        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
+        below = max(below, others)
+        rounds = 1
+    while above > 0.0 and rounds < ROUNDS:
+        near = min(near, CHAIN * above * largest)
+        is_local = rounds <= LOCAL_ROUNDS
+        if is_local:
+            count = surround(scene, pieces, around, partner, near, rings, marked)
+            is_local = count <= LOCAL_SHARE * marked.size
+        if not is_local:
+            marked[:] = True
+        first, second = pairs_of(around, partner, marked)
+        shift, dx, dy = separate(
+            scene, pieces, first, second, marked, mass, inertia, held if is_local else wall_inverse,
+            near, TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
+        )  # fmt: skip
+        pull_x += dx
+        pull_y += dy
+        if not is_local and scene.height > 0.0:
+            xx, yy, xy = shift[0, XX], shift[0, YY], shift[0, XY]
+            sides = scene.wall_position[0]
+            sides[XY] += xx * sides[XY] + xy * sides[YY]
+            sides[XX] += xx * sides[XX]
+            sides[YY] += yy * sides[YY]
+            scene = Scene(
+                scene.position, scene.radius, scene.material, scene.kind, scene.wall, scene.world,
+                scene.wall_position, sides[XX], scene.temperature, sides[YY], sides[XY],
+            )  # fmt: skip
+        elif not is_local:
+            for k in range(shift.shape[0]):
+                scene.wall_position[k, X] += shift[k, X]
+                scene.wall_position[k, Y] += shift[k, Y]
+            place_shapes(scene.kind, scene.wall, local, scene.wall_position, scene.world)
+            if pieces is not None:
+                place_walls(pieces, scene, pieces.corner)
+        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
+        below = max(below, others) if is_local else others
+        rounds += 1
+    return max(above, below), pull_x, pull_y, rounds
 
 
 def reach_of(overlap: float, model: Model) -> float:
@@ -338,41 +385,24 @@ def correct_positions(
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
-    Pairs one by one, then rounds of linearized corrections. **Modifies** positions, wall frames and
-    wall shapes of ``scene``, at q⁺. Walls that a force drives move according to their mass, where
-    everything does. Pairs that overlap by more than ``below``, over the smaller radius, are among
-    (i, j); ``lists`` has all up to a gap of `NEAR`, of which those up to ``near`` [m] take part;
-    ``marked`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN`
-    cannot be removed.
+    **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
+    drives move according to their mass. Pairs that overlap by more than ``below``, over the smaller
+    radius, are among (i, j); ``lists`` has all up to a gap of `NEAR`; ``marked`` is work space,
+    shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN` cannot be removed.
     """
-    before, around, partner = scene.wall_position.copy(), lists.around, lists.partner
+    before = scene.wall_position.copy()
+    mobility = motion.mobility
+    if model.is_cell:  # what it costs to move all grains with it, about their center
+        side = scene.wall_position[0, [XX, YY, YY]]
+        mobility = (mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side)
     mass, inertia = model.grains.mass, model.grains.mass
     if pieces is not None:  # discs do not turn
         spin = model.spin_radius  # which follows grains that grow or wear
         inertia = mass * spin * spin / model.shape_factor
-    is_needed, above, others, pull_x, pull_y = push_apart(
-        scene, pieces, i, j, around, partner, mass, inertia, marked
-    )
-    below, rounds = max(below, others), int(is_needed)
-    while above > 0.0 and rounds < ROUNDS:
-        near = min(near, CHAIN * above * float(scene.radius.max()))
-        is_local = rounds <= LOCAL_ROUNDS
-        if is_local:
-            found = surround(scene, pieces, around, partner, near, RINGS, marked)
-            is_local = found <= LOCAL_SHARE * marked.size
-        mobility, sweeps = np.zeros_like(before), LOCAL_SWEEPS
-        if not is_local:
-            marked[:], mobility, sweeps = True, _mobility(model, motion, before), ROUND_SWEEPS
-        shift, dx, dy = separate(
-            scene, pieces, *pairs_of(around, partner, marked), marked, mass, inertia, mobility,
-            near, TARGET, ALLOWED, ENOUGH * float(scene.radius.min()), sweeps,
-        )  # fmt: skip
-        pull_x, pull_y = pull_x + dx, pull_y + dy
-        if not is_local:
-            scene = _with_walls_moved(scene, pieces, model, shift)
-        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
-        below, rounds = max(below, others) if is_local else others, rounds + 1
-    overlap = max(above, below)
+    overlap, pull_x, pull_y, rounds = push_apart(
+        scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, mass,
+        inertia, mobility, near, below, RINGS, marked,
+    )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, pieces, model, lists, marked, overlap))
     shift = scene.wall_position - before
@@ -383,30 +413,6 @@ def correct_positions(
         return Correction(overlap, work, 0.0, rounds)
     work += total(motion.weight * shift)
     return Correction(overlap, work, motion.shift_work(before, shift), rounds)
-
-
-def _mobility(model: Model, motion: WallMotion, walls: Floats) -> Floats:
-    """Inverse masses of walls, shape ``(w, 3)``; of a cell those of its strain [1/kg]."""
-    if not model.is_cell:
-        return motion.mobility
-    side = walls[0, [XX, YY, YY]]  # what it costs to move all grains with it, about their center
-    return np.asarray((motion.mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side))
-
-
-def _with_walls_moved(scene: Scene, pieces: Pieces | None, model: Model, shift: Floats) -> Scene:
-    """What grains have followed: displacements of walls [m], or the strain of a cell."""
-    walls = scene.wall_position
-    if not model.is_cell:
-        walls[:, :2] += shift
-        place_shapes(scene.kind, scene.wall, model.shapes.geometry, walls, scene.world)
-        if pieces is not None:
-            place_walls(pieces, scene, pieces.corner)
-        return scene
-    width, height, tilt = walls[0].tolist()
-    xx, yy, xy = shift[0].tolist()
-    walls[0] = width + xx * width, height + yy * height, tilt + (xx * tilt + xy * height)
-    width, height, tilt = walls[0].tolist()
-    return scene._replace(period=width, height=height, tilt=tilt)
 
 
 @kernel

@@ -15,7 +15,7 @@ from multicor_cli.running.machine import shared_compilation
 
 HARD = {
     "has_clusters", "choose_patch", "solve_patch", "begin_again", "is_converged", "hold", "release",
-    "step_back", "keep_in_mind", "surround", "pairs_of", "separate", "mark_again",
+    "step_back", "keep_in_mind",
 }  # fmt: skip
 """Kernels that only some steps need."""
 
