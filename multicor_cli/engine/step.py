@@ -37,7 +37,6 @@ class Engine:
         model: What does not change, with all grains.
         state: What does; updated in place by `step`, untouched by a step that is interrupted.
         heat: Choices about heat, or None if there is none.
-        orders: What the present stage orders; `begin` or `resume` replaces it.
         timers: Seconds spent in each phase of the time step since the start.
         mechanics: How grains and walls move in a step.
     """
@@ -79,9 +78,14 @@ class Engine:
         self._available = min(threads, available) if threads > 0 else available
         self.heat = heat
         self._population = None if inflow is None else Population(model, state, inflow)
-        self.orders = Orders()
+        self._orders = Orders()
         self.mechanics = Mechanics(model, self._clock, has_heat=heat is not None)
         self._lay_out()
+
+    @property
+    def orders(self) -> Orders:
+        """What the present stage orders; `begin` or `resume` replaces it."""
+        return self._orders
 
     @property
     def threads(self) -> int:
@@ -113,7 +117,7 @@ class Engine:
             ValueError: If there is rolling resistance, but none in the laws of the model.
         """
         self.mechanics.take_up(orders)
-        self.orders = orders
+        self._orders = orders
         self._begin_heat()
 
     def pass_grains(self) -> None:

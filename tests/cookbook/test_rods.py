@@ -20,7 +20,7 @@ SHAPES = {
 }
 RODS = [name for name in SHAPES if name.startswith("aspect")]
 SEEDS = {"aspect 2.5": 16, "aspect 4": 16}
-"""Of these S differs by 0.045 ± 0.008, as two runs with other seeds do; of others two tell enough."""
+"""S of these two differs by 0.045 ± 0.008, and of two runs by 0.03; of others two tell enough."""
 
 
 def measured(directory):

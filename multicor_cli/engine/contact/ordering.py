@@ -327,8 +327,8 @@ class Arrangement(NamedTuple):
         bodies: Rows of their bodies, shape ``(k + f, 2)``.
         rows: Number of rows without those of empty lanes.
         general: General contacts; ``walls`` are diagonal ones with walls, both ascending.
-        face_rest: Faces with walls that have a free degree of freedom; ``face_start`` as in
-            `Schedule`; what is left as in `System`.
+        face_rest: Faces with walls that have a free degree of freedom; it, ``face_start`` and
+            ``place`` are those of `Schedule`, what is left is as in `System`.
     """
 
     order: Ints

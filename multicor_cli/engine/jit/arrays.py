@@ -41,7 +41,7 @@ def aligned_zeros(*shapes: tuple[int, ...]) -> list[Floats]:
     memory[:] = 0.0
     return [
         memory[begin : begin + math.prod(shape)].reshape(shape)
-        for begin, shape in zip(ends, shapes, strict=False)
+        for begin, shape in zip(ends[:-1], shapes, strict=True)
     ]
 
 
