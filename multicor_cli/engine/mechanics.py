@@ -254,8 +254,9 @@ class Mechanics:
                 assert begun is not None  # the list and the contacts are those that are needed
             speeds, is_solved = begun
             scale = ResidualScale.of(
-                speeds, layout.mass, n, weight, thrust, 0.0, self._restitution, step.rounding
-            )
+                speeds, layout.mass, n, weight, thrust, 0.0, self._restitution,
+                layout.model.mean_diameter / step.dt, step.rounding,
+            )  # fmt: skip
             self.clock.stop("prepare")
             outcome = _NOTHING_TO_SOLVE
             if is_solved:

@@ -199,7 +199,7 @@ class StepContacts:
             Speeds(*map(sum, zip(*speeds, strict=True))), layout.mass, model.grain_count,
             dt * hypot(*step.gravity.tolist()),
             dt * self.motion.pressure() * model.mean_diameter, attraction, self.restitution,
-            step.rounding,
+            model.mean_diameter / dt, step.rounding,
         )  # fmt: skip
         if scale.velocity == 0.0 or not is_solved:
             # Nothing closes and nothing pushes: the last impulses must not act once more.

@@ -93,23 +93,27 @@ def test_errors_stay_small_against_the_motion_that_there_is(motion, errors):
 
 
 @pytest.mark.parametrize(
-    ("shear", "rms", "largest"),
+    ("shear", "crossing", "rms", "largest"),
     [
-        (0.01, 1.0, 1.0),
-        (0.0854, 1.0, 1.0),
-        (0.25, 5.0, 1.0),
-        (1.0, 40.0, 8.0),
-        (2.0, 80.0, 16.0),
+        (0.01, 1e3, 1.0, 1.0),
+        (0.0854, 1e3, 1.0, 1.0),
+        (0.25, 1e3, 5.0, 1.0),
+        (1.0, 1e3, 40.0, 8.0),
+        (2.0, 1e3, 80.0, 16.0),
+        (2.0, 120.0, 10.0, 2.0),
+        (0.25, 48.0, 4.0, 1.0),
+        (2.0, 6.0, 1.0, 1.0),
     ],
 )
 def test_errors_are_measured_against_the_shear_in_flows_and_else_against_the_load(
-    shear, rms, largest
+    shear, crossing, rms, largest
 ):
-    """u_rms = max(u_load, 40 s min(1, √(s/u_load))) and u_ref = max(u_load, u_rms/5) (theory §5.3)."""
+    """u_rms = max(u_load, min(40 s min(1, √(s/u_load)), d̄/(12 Δt))), u_ref = max(u_load, u_rms/5)
+    (theory §5.3)."""
     speeds = Speeds(squares=0.0, closing=0.0, shear=12.0 * shear, loaded=12.0, motion=0.0, met=12.0)
     scale = ResidualScale.of(
         speeds, mass=6.0, count=3, weight=1.0, thrust=0.0, attraction=0.0, restitution=0.0,
-        rounding=0.0,
+        crossing=crossing, rounding=0.0,
     )  # fmt: skip
     assert (scale.load, scale.rms) == (1.0, pytest.approx(rms, rel=2e-3))
     assert scale.velocity == pytest.approx(largest, rel=2e-3)
@@ -120,7 +124,7 @@ def test_errors_are_measured_against_the_shear_where_nothing_loads():
     speeds = Speeds(squares=0.0, closing=0.0, shear=6.0, loaded=12.0, motion=0.0, met=12.0)
     scale = ResidualScale.of(
         speeds, mass=6.0, count=3, weight=0.0, thrust=0.0, attraction=0.0, restitution=0.0,
-        rounding=0.0,
+        crossing=1e3, rounding=0.0,
     )  # fmt: skip
     assert (scale.load, scale.rms, scale.velocity) == (0.0, 20.0, 4.0)
     assert scale.energy == pytest.approx(3.0 * 16.0)

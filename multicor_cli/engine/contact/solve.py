@@ -123,14 +123,14 @@ class ResidualScale:
     @classmethod
     def of(
         cls, speeds: Speeds, mass: float, count: int, weight: float, thrust: float,
-        attraction: float, restitution: float, rounding: float,
+        attraction: float, restitution: float, crossing: float, rounding: float,
     ) -> ResidualScale:  # fmt: skip
         """What residuals of a step are measured against (theory §5.3).
 
-        Velocities: u_rms = max(u_load, 40 s min(1, √(s/u_load))) with the mean shear s, and u_ref =
-        max(u_load, u_rms/5), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
-        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load the
-        attraction over m̄ stands in for them.
+        Velocities: u_rms = max(u_load, min(40 s min(1, √(s/u_load)), d̄/(12 Δt))) with the mean
+        shear s, and u_ref = max(u_load, u_rms/5), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the
+        closing velocities). Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without
+        weight and load the attraction over m̄ stands in for them.
 
         Args:
             speeds: Sums over the contacts.
@@ -140,6 +140,7 @@ class ResidualScale:
             thrust: Δt P d̄ [N s].
             attraction: Largest F Δt of a contact [N s].
             restitution: Largest coefficient of all pairs of materials.
+            crossing: d̄/Δt, which moves a grain by its diameter in a step [m/s].
             rounding: A velocity that moves nothing by more than positions are rounded [m/s].
         """
         mean_mass, closing = mass / count, speeds.closing
@@ -150,7 +151,7 @@ class ResidualScale:
         shear = speeds.shear / speeds.loaded if speeds.loaded else 0.0
         # Errors add up like a random walk: their square over the steps of a strain is what counts
         swift = min(1.0, math.sqrt(shear / load)) if load else 1.0
-        rms = max(load, SHEARS * swift * shear)
+        rms = max(load, min(SHEARS * swift * shear, STRAY * crossing))
         reference = max(load, LARGEST * rms)
         bounce = restitution if closing else 0.0
         return cls(
@@ -177,9 +178,11 @@ class ResidualScale:
         )
 
 
-SHEARS, LARGEST = 40.0, 0.2
+SHEARS, STRAY, LARGEST = 40.0, 1.0 / 12.0, 0.2
 """Scale of the rms over the mean shear of a flow that is faster than its loads, so that 8 % of it
-pass by default; and scale of the largest correction over that of the rms."""
+pass by default; and at most over d̄/Δt, so that by default a step leaves errors of d̄/6000, less than
+the overlap that is left alone: to correct positions costs more than the sweeps that save it. Scale
+of the largest correction over that of the rms."""
 
 STILL_SHARE, REST_SHARE = 0.002, 0.02
 """Largest rms correction over the motion that there is, where sweeps allow: where next to nothing
