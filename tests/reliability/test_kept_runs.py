@@ -22,18 +22,18 @@ VERSIONS = sorted(
 )
 
 ENDS = {
-    "1.0": {"state": "2ae3f500353ecbb8613d2b8e9c9dc17d", "data": "0c8bfcff2d8d38b311a92bb1e5cbe290"},
-    "1.1": {"state": "a140d97d08ee2e17966525b8847bc218", "data": "9396a85e97d7a9a6dbc5f0a36035deee"},
-    "1.2": {"state": "a140d97d08ee2e17966525b8847bc218", "data": "cb483710705c0a45181747fd9b89858e"},
-    "1.3": {"state": "a140d97d08ee2e17966525b8847bc218", "data": "4494cbc7af1b56efee3636843be94f1c"},
-    "1.4": {"state": "dfdb5e315fa04a47d42fc1f74e1b868e", "data": "fbe65dac14f4bafe871cb87f003f7557"},
-    "1.5": {"state": "8dc97564c954a3a34022099709bcdd0f", "data": "b4bd5b118105d11a345726e646f8fb5a"},
-    "1.6": {"state": "78f457677568740a0c3aa2776527bd80", "data": "cc213d2391c55ee46d96bdbe67865cf7"},
-    "1.7": {"state": "a083f81193bb2f21fdbe9ef30b74a4eb", "data": "76ef174568cb2cb41e21522a70bd62b1"},
-    "1.8": {"state": "09e403bb139a797a9d4747edc8d06726", "data": "d618de367df62ea7dac57e9a42590767"},
-    "1.9": {"state": "09e403bb139a797a9d4747edc8d06726", "data": "d618de367df62ea7dac57e9a42590767"},
-    "1.10": {"state": "09e403bb139a797a9d4747edc8d06726", "data": "58866ef7cd5d3a32ae6ddaf511c9e75a"},
-    "1.11": {"state": "2b4257971964b56be4c808d36d5da940", "data": "61c6f30eadb3a87e8d94b5097d322af2"},
+    "1.0": {"state": "282d3a6848d8d583f2cc988296889879", "data": "e5b0a7005539e5cd0967e08346bb7c92"},
+    "1.1": {"state": "5728bd89b9837022dcc2174ce568355f", "data": "f379a5bf212a2db215ad9e4df6a980b5"},
+    "1.2": {"state": "5728bd89b9837022dcc2174ce568355f", "data": "70e79a6e148cbc192e96d4d25c3983c4"},
+    "1.3": {"state": "5728bd89b9837022dcc2174ce568355f", "data": "95c1188c19f4d50112df811bb5196e8c"},
+    "1.4": {"state": "ce663697e6f7debcbd563f1282ecd05c", "data": "450801abfaaa195cb539e27ca3831d32"},
+    "1.5": {"state": "db6b4f6050298c7323fc811019229044", "data": "20919bf06887f1a1cee3a42f2f38ae05"},
+    "1.6": {"state": "e4f9a3583de96e8bed7cfbc17a214de5", "data": "637a7d6758232e4502ca47db8fd8c21a"},
+    "1.7": {"state": "b9585687dcbb64b9ab3bd00e7be7d577", "data": "c95e0dd1ba65728df8722a96de2d252b"},
+    "1.8": {"state": "c0f2caf2965f76d2bd02fdfc83299872", "data": "324f128e2559d534a27ea10c40978d15"},
+    "1.9": {"state": "c0f2caf2965f76d2bd02fdfc83299872", "data": "324f128e2559d534a27ea10c40978d15"},
+    "1.10": {"state": "c0f2caf2965f76d2bd02fdfc83299872", "data": "e415bd8db9fc774395cad18150549615"},
+    "1.11": {"state": "5f7c0bebd3727dd18abdf87d2b676a6b", "data": "2601c9eab4f9821b6cd249b70f2351a9"},
     "1.12": {"state": "244bc0d383e812f2aec1abe14a5ce43b", "data": "176679df54f772f09055a88caf84cd82"},
 }  # fmt: skip
 """Digests with which the unfinished run of each version ends, whose files stay of that version.
