@@ -19,6 +19,9 @@ NAMED = changed(
 )
 """The small scene, whose second stage names all drives: nothing is kept from the first."""
 
+INELASTIC = changed(NAMED, ("restitution = 0.3", "restitution = 0.0"))
+"""The same without rebounds."""
+
 STICKY = changed(
     NAMED, ("restitution = 0.3", "restitution = 0.3\nadhesion = 1e-3\nrolling_friction = 0.05")
 )

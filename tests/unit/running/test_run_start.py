@@ -14,6 +14,7 @@ from cut_runs import (
     BOX,
     CELL,
     HOT,
+    INELASTIC,
     NAMED,
     SHAPED,
     STICKY,
@@ -37,7 +38,7 @@ from multicor_cli.store import open_run, run_info, verify
 CASES = {
     "box": (BOX, 1), "small": (NAMED, 1), "sticky": (STICKY, 1), "wet": (WET, 1),
     "before frozen": (HOT, 1), "after frozen": (HOT, 2), "body": (BODY, 1), "belt": (BELT, 1),
-    "cell": (CELL, 1), "shapes": (SHAPED, 1),
+    "cell": (CELL, 1), "shapes": (SHAPED, 1), "inelastic": (INELASTIC, 1),
 }  # fmt: skip
 """Scenarios, and after how many stages they are cut."""
 
@@ -126,16 +127,17 @@ def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of, tmp_path):
 
 
 def test_the_last_frame_is_the_end_where_frames_hold_all(place_of):
-    """Without heat and adhesion, in double precision: positions are those of the state, and
-    impulses are recorded. Contacts are sought anew, so that steps differ in their last bits."""
-    folder = place_of("small")
+    """Without heat, adhesion and rebounds, in double precision: positions are those of the state,
+    and impulses are recorded (those of impacts do not last). Contacts are sought anew, so that
+    steps differ in their last bits."""
+    folder = place_of("inelastic")
     starts = [
-        placed_at(folder, going_on(NAMED, 1, "first", *frame)).state
+        placed_at(folder, going_on(INELASTIC, 1, "first", *frame)).state
         for frame in ((), ("frame = -1",))
     ]
     assert set(unlike(*starts)) <= {"near_i", "near_j", "tile"}
     with open_run(folder / "first") as first:
-        text = going_on(NAMED, 1, "first", "frame = -1")
+        text = going_on(INELASTIC, 1, "first", "frame = -1")
         assert placed_at(folder, text).origin.frame == len(first.frames) - 1
 
 
