@@ -122,7 +122,7 @@ _AUTOMATIC = 'Use dt = "auto", or a step of that size.'
 
 _RATIO = (
     "Given time step over the automatic one, at which friction and solid fraction of plane shear "
-    "are within 0.009 and 0.004 of what small steps give, with the accuracy that is asked for. A "
+    "are within 0.008 and 0.004 of what small steps give, with the accuracy that is asked for. A "
     "step four times as long raises friction by up to 0.04 and lowers the solid fraction by up to "
     "0.01. What walls, loads and "
     "gravity are told to do is looked at once in a step: of a period of ten steps or fewer little "
