@@ -246,8 +246,9 @@ def _descend(
     """
     before = position.copy()
     force = np.zeros_like(position)
-    smallest = reach.min()
-    worst = 0.0
+    smallest, worst = np.inf, 0.0
+    for one in reach:
+        smallest = min(smallest, one)
     for step in range(steps):
         _follow(position, ghosts, world)
         if outlined is None:
@@ -257,12 +258,13 @@ def _descend(
             worst = _repel_outlines(
                 position, outlined, reach, pairs, kind, world, ghosts, period, force
             )
-            if not outlined.turns:
-                force[:, ANGLE] = 0.0
-            force[:, Y] -= outlined.weight
+            for i in range(force.shape[0]):
+                force[i, Y] -= outlined.weight
+                if not outlined.turns:
+                    force[i, ANGLE] = 0.0
         if worst <= target:
             return step, worst, False
-        if np.abs(force).max() < _JAMMED * worst * smallest:
+        if _largest(force) < _JAMMED * worst * smallest:
             return step, worst, True
         _steer(velocity, force, clock)
         if outlined is not None and outlined.weight > 0.0:
@@ -278,6 +280,15 @@ def _descend(
         if moved > travel * travel:
             return step + 1, worst, False
     return steps, worst, False
+
+
+@subroutine
+def _largest(force: Floats) -> float:
+    largest = 0.0
+    for i in range(force.shape[0]):
+        for c in range(force.shape[1]):
+            largest = max(largest, abs(force[i, c]))
+    return largest
 
 
 @subroutine

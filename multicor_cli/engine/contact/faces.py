@@ -56,7 +56,7 @@ from multicor_cli.engine.geometry.passing import fastest_points, touch_passing
 from multicor_cli.engine.geometry.pieces import Pieces, are_convex, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.arrays import aligned
+from multicor_cli.engine.jit.arrays import aligned, copy_into
 from multicor_cli.engine.jit.compile import inlined, kernel, subroutine
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
@@ -533,9 +533,10 @@ def pack_faces(
             begin + k, alone[k], scene, contacts, belt, place, inverse, pair, frame, lever, impulse
         )
     begin -= others[0].shape[0]
-    for g in range(others[0].shape[0]):
-        pair[begin + g], frame[begin + g] = others[0][g], others[1][g]
-        lever[begin + g], impulse[begin + g] = others[2][g], others[3][g]
+    copy_into(pair[begin:].reshape(-1), others[0].reshape(-1))
+    copy_into(frame[begin:].reshape(-1), others[1].reshape(-1))
+    copy_into(lever[begin:].reshape(-1), others[2].reshape(-1))
+    copy_into(impulse[begin:].reshape(-1), others[3].reshape(-1))
     points = np.concatenate((alone[:found], record))
     return points, (pair[begin:], frame[begin:], lever[begin:], impulse[begin:])
 

@@ -298,7 +298,9 @@ def cutoff_of_velocities(
     """
     period, height, tilt = scene.period, scene.height, scene.tilt
     # Velocities of grains in a cell are those beside its mean flow
-    drift = fit_drift(bodies, scene.position, Box(period, height, tilt, 0.0, 0.0, 0.0), NOTHING)
+    # (`NOTHING`, which nobody may write to, would be another kind of array)
+    nothing, box = np.empty((0, 2)), Box(period, height, tilt, 0.0, 0.0, 0.0)
+    drift = fit_drift(bodies, scene.position, box, nothing)
     largest = drift.largest + more
     rest = drift.rest + np.sqrt(more[X] * more[X] + more[Y] * more[Y])
     gradient = drift.gradient

@@ -56,7 +56,7 @@ def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:
 
 
 @loop_body
-def copy_into(target: Floats, source: Floats) -> None:
+def copy_into(target: NDArray[Any], source: NDArray[Any]) -> None:
     """Write ``source`` over the beginning of ``target``; both flat.
 
     ``target[:] = source`` compiles an error message too: up to three seconds in each kernel.

@@ -22,6 +22,7 @@ from multicor_cli.engine.geometry.outlines import circle_gap, gap_at_least, near
 from multicor_cli.engine.geometry.pieces import Pieces, are_convex, are_faces, place_walls
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
+from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import inlined, kernel, subroutine
 from multicor_cli.engine.motion.cell import strain_between
 from multicor_cli.engine.motion.separation import displace, levers_of, separate
@@ -124,7 +125,7 @@ def mark_again(
                 above = max(above, overlap)
             else:
                 below = max(below, overlap)
-    marked[:] = again
+    copy_into(marked, again)
     return above, below
 
 
@@ -317,7 +318,9 @@ def push_apart(
     above, others = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
     below = max(below, others)
     held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
-    largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
+    largest, least = 0.0, np.inf
+    for radius in scene.radius:
+        largest, least = max(largest, radius), min(least, radius)
     if above > 0.0:
         pull_x, pull_y = push_pairs(
             scene, pieces, i, j, around, partner, mass, inertia, TARGET, ALLOWED, marked
@@ -336,7 +339,7 @@ def push_apart(
         first, second = pairs_of(around, partner, marked)
         shift, dx, dy = separate(
             scene, pieces, first, second, marked, mass, inertia, held if is_local else wall_inverse,
-            near, TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
+            near, TARGET, ALLOWED, ENOUGH * least, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
         )  # fmt: skip
         pull_x += dx
         pull_y += dy

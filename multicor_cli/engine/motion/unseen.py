@@ -183,7 +183,7 @@ def _grain_at(paths: Paths, k: int, t: float) -> tuple[float, float, float, floa
     )
 
 
-@kernel
+@subroutine
 def _approach(paths: Paths, i: int, j: int, t: float, end: float) -> tuple[float, float, float]:
     """Gap of a pair at a time [m], its rate, and how fast it may change until the end [m/s]."""
     scene = paths.scene
@@ -261,7 +261,7 @@ def meeting_time(paths: Paths, i: int, j: int, begin: float, end: float) -> floa
     return np.inf
 
 
-@kernel
+@subroutine
 def _is_seen(paths: Paths, i: int, j: int, met: float, end: float) -> bool:
     """Whether a pair that met is found at q_m as the contact it is: closing, and not too deep."""
     gap, rate, fastest = _approach(paths, i, j, end, end)
