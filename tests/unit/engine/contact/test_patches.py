@@ -11,11 +11,11 @@ from shapes import rod, shaped_engine, shaped_model
 
 from multicor_cli.engine.contact import patches, solve, sweep
 from multicor_cli.engine.contact.acceleration import NEVER, iterate, start_loop, start_momentum
+from multicor_cli.engine.contact.complementarity import solve_complementarity
 from multicor_cli.engine.contact.law import solve_full
 from multicor_cli.engine.contact.patches import (
     choose_patch,
     nothing_met,
-    solve_complementarity,
     solve_patch,
 )
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
