@@ -140,7 +140,7 @@ class Mechanics:
         layout.pairs.update(step.scene, step.cutoff)
         layout.selection = Selection(layout.model, layout.pairs, layout.pieces)
         try:
-            layout.selection.seek(step.scene, step.pieces, self.contacts.margin(step))
+            self.contacts.seek(step)
             stopped = np.zeros(layout.model.grain_count, np.bool_)
             yield step.scene, self.contacts.gather(step, self.contacts.least_gap(), stopped)[0]
         finally:
@@ -183,7 +183,7 @@ class Mechanics:
         while is_missing:
             contacts, scale, is_solved, lacking, beyond = step_contacts.gather(step, least, stopped)
             if lacking > 0.0:
-                selection.seek(step.scene, step.pieces, max(step_contacts.margin(step), lacking))
+                step_contacts.seek(step, lacking)
                 continue
             ordered = step_contacts.assemble(step.scene, contacts)
             self.clock.stop("prepare")
@@ -207,8 +207,7 @@ class Mechanics:
                 step.scene, step.pieces, after, after, far, dt, -math.inf
             )
             if is_missing:
-                margin = max(2.0 * margin, 1.5 * dt * fastest, step_contacts.margin(step))
-                selection.seek(step.scene, step.pieces, margin)
+                margin = step_contacts.seek(step, max(2.0 * margin, 1.5 * dt * fastest))
                 step_contacts.select_impacts(step)
             elif step.pieces is not None:
                 closed = closed_beyond(
@@ -244,7 +243,7 @@ class Mechanics:
             self.contacts.select(step)
             self.clock.stop("detect")
         struck = _NOBODY if step.flight is None else step.flight.struck
-        began, margin, ended = state.position[struck], 0.0, None
+        began, margin, ended = state.position[struck] if struck.size else _NONE, 0.0, None
         while ended is None:
             if begun is None:
                 selection.schedule(step.scene, motion.is_free, self.laws, layout.before, state)
@@ -268,8 +267,7 @@ class Mechanics:
             is_enough = outcome.converged or settings.on_failure == "warn"
             ended, fastest = plain.end(layout, step, motion, is_enough=is_enough)
             if fastest > 0.0:
-                margin = max(2.0 * margin, 1.5 * step.dt * fastest, self.contacts.margin(step))
-                selection.seek(step.scene, None, margin)
+                margin = self.contacts.seek(step, max(2.0 * margin, 1.5 * step.dt * fastest))
                 self.contacts.select_impacts(step)
                 begun = None
             else:
@@ -280,8 +278,10 @@ class Mechanics:
         strayed = _NONE
         if self._has_heat:
             strayed = 0.5 * step.dt * (layout.before[:n, :2] + ended.after[:n, :2])
-            strayed[struck] = (state.position[struck] - began)[:, :2]
-        layout.middle[struck] = 0.5 * (began + state.position[struck])
+        if struck.size:  # the way to q_m is not theirs
+            if self._has_heat:
+                strayed[struck] = (state.position[struck] - began)[:, :2]
+            layout.middle[struck] = 0.5 * (began + state.position[struck])
         gravity_work = ended.gravity_work
         if step.flight is not None:
             gravity_work += step.flight.gravity_work

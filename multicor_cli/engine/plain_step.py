@@ -115,8 +115,8 @@ def _begin(
         flat = s.impulse.reshape(-1)
         for k in range(flat.size):
             flat[k] = 0.0
-        for c in range(contacts.size):
-            contacts[c].p_n, contacts[c].p_t = 0.0, 0.0
+        for k in range(of_walls.size):
+            contacts[of_walls[k]].p_n, contacts[of_walls[k]].p_t = 0.0, 0.0
     call(inverse_masses, kernels, (s.velocity, wall_inverse, s.spin_factor, s.inverse))
     call(
         place_walls, kernels,

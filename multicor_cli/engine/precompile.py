@@ -42,7 +42,7 @@ from multicor_cli.engine.contact.faces import (
     recall_points,
     unpack_points,
 )
-from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
+from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts, span_of
 from multicor_cli.engine.contact.patches import (
     choose_patch,
     has_clusters,
@@ -54,9 +54,9 @@ from multicor_cli.engine.contact.patches import (
 )
 from multicor_cli.engine.contact.selection import (
     deepest_overlap,
-    fastest_approach,
     find_closing,
     leave_out,
+    look_at_pairs,
     pairs_up_to,
     points_up_to,
 )
@@ -159,8 +159,9 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     lanes = _schedule(model, scene)
     tabulate_contacts(moved, has_couples=False, has_faces=pieces is not None)
     tabulate(
-        1, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, lanes.branch, contacts
-    )
+        1, _NOBODY, _NOBODY, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap,
+        lanes.branch, contacts,
+    )  # fmt: skip
     if pieces is None:
         carried(1, _NOBODY, _NOBODY, lanes.lane, lanes.impulse, contacts)
     else:
@@ -196,7 +197,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
 
 
 def _schedule(model: Model, scene: Scene) -> Schedule:
-    tile = lay_tiles(scene, _NOBODY, _NOBODY, model.mean_diameter)
+    tile = lay_tiles(scene, 0.0, model.mean_diameter)
     return schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
 
 
@@ -222,16 +223,17 @@ def _prepare(
     )  # fmt: skip
     pack_bodies(scene, bodies, bodies, lanes.place, lanes.velocity, lanes.start, lanes.middle)
     known = _NOBODY, _NOBODY, np.empty((0, 2))
-    recall_impulses(*known, contacts, lanes.slot, lanes.impulse)
+    recall_impulses(*known, 1, _NOBODY, _NOBODY, lanes.lane, lanes.impulse, contacts)
     if pieces is not None:
         recall_points(*known, _NOBODY, NO_FACES, contacts)
     fix_lanes(scene, model.laws, bodies, _NOBODY, _NOBODY, lanes.slot, lanes.about, lanes.frame)
     leave_out(_NO_ROWS, _NOBODY, _NOBODY, _NOBODY)
     if pieces is None:
-        pairs_up_to(scene, _NO_ROWS, _NOBODY, 1.0)
+        pairs_up_to(scene, _NO_ROWS, _NOBODY, np.empty(0), 1.0)
     else:
+        span_of(scene, _NOBODY, _NOBODY)
         points_up_to(scene, pieces, _NO_ROWS, _NOBODY, 1.0)
-    fastest_approach(scene, pieces, _NO_ROWS, _NOBODY, bodies, bodies, 1.0)
+    look_at_pairs(scene, pieces, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, np.empty(0))
 
 
 def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> None:

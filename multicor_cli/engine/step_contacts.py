@@ -110,7 +110,7 @@ class StepContacts:
         if layout.selection.closing(
             scene, step.pieces, layout.before, layout.free, cutoff, AHEAD * step.dt, reach
         )[0]:
-            layout.selection.seek(scene, step.pieces, self.margin(step))
+            self.seek(step)
         self.select_impacts(step)
 
     def select_impacts(self, step: Prediction) -> None:
@@ -121,14 +121,18 @@ class StepContacts:
         ):
             selection.add(step.scene, step.flight.impacts)
 
-    def margin(self, step: Prediction) -> float:
-        """Gap up to which contacts are sought [m]."""
-        layout = self.layout
-        margin = layout.selection.margin(
-            step.scene, layout.before, layout.free, step.cutoff, step.dt
+    def seek(self, step: Prediction, least: float = 0.0) -> float:
+        """Other contacts: all pairs up to a gap that is returned [m], ``least`` or more."""
+        selection = self.layout.selection
+        margin, gap = selection.look(
+            step.scene, self.layout.before, self.layout.free, step.cutoff, step.dt
         )
         reach = longest_reach(self.laws)
-        return reach + max(margin, SKIN * self.model.mean_diameter) if reach > 0.0 else margin
+        if reach > 0.0:
+            margin = reach + max(margin, SKIN * self.model.mean_diameter)
+        margin = max(least, margin)
+        selection.seek(step.scene, step.pieces, margin, gap)
+        return margin
 
     def list_up_to(self, gap: float, step: Prediction) -> None:
         """Let the list be complete up to a gap at q_m, where it has been looked at before."""

@@ -359,23 +359,29 @@ def vary_friction(
 
 @kernel
 def recall_impulses(
-    known_i: Ints, known_j: Ints, known: Floats, contacts: Contacts, slot: Ints, impulse: Floats
-) -> None:
-    """Impulses that are known of some contacts, into the table and the lanes; 0 of all others.
+    known_i: Ints, known_j: Ints, known: Floats, grains: int, i: Ints, j: Ints, lane: Ints,
+    impulse: Floats, contacts: Contacts,
+) -> None:  # fmt: skip
+    """Impulses that are known of some contacts; 0 of all others.
 
-    Both are sorted. **Modifies** ``contacts`` and ``impulse``.
+    Both are sorted. Those of two discs go into their lanes, ``impulse``, others into the table:
+    both are **modified**.
     """
     k = 0
-    for c in range(contacts.size):
-        contact = contacts[c]
+    for c in range(i.size):
         while k < known_i.size and (
-            known_i[k] < contact.i or (known_i[k] == contact.i and known_j[k] < contact.j)
+            known_i[k] < i[c] or (known_i[k] == i[c] and known_j[k] < j[c])
         ):
             k += 1
-        contact.p_n, contact.p_t = 0.0, 0.0
-        if k < known_i.size and known_i[k] == contact.i and known_j[k] == contact.j:
-            contact.p_n, contact.p_t = known[k, NORMAL], known[k, TANGENTIAL]
-    scatter_impulses(contacts, slot, impulse)
+        p_n, p_t = 0.0, 0.0
+        if k < known_i.size and known_i[k] == i[c] and known_j[k] == j[c]:
+            p_n, p_t = known[k, NORMAL], known[k, TANGENTIAL]
+        at = lane[c]
+        if at >= 0:
+            impulse[at // LANES, NORMAL, at % LANES] = p_n
+            impulse[at // LANES, TANGENTIAL, at % LANES] = p_t
+        if at < 0 or j[c] >= grains:
+            contacts[c].p_n, contacts[c].p_t = p_n, p_t
 
 
 @kernel
@@ -391,18 +397,18 @@ def scatter_impulses(contacts: Contacts, slot: Ints, impulse: Floats) -> None:
 
 @kernel
 def tabulate(
-    grains: int, lane: Ints, frame: Floats, impulse: Floats, before: Floats, gap: Floats,
-    branch: Floats, contacts: Contacts,
+    grains: int, i: Ints, j: Ints, lane: Ints, frame: Floats, impulse: Floats, before: Floats,
+    gap: Floats, branch: Floats, contacts: Contacts,
 ) -> None:  # fmt: skip
-    """Contacts of two grains from their lanes into the table, **modified**.
+    """Contacts (i, j) of two discs from their lanes into the table, **modified**.
 
     Arrays are those of `Schedule`.
     """
     for c in range(contacts.size):
-        contact = contacts[c]
-        if contact.j >= grains or lane[c] < 0:
+        if j[c] >= grains or lane[c] < 0:
             continue
-        q, k = lane[c] // LANES, lane[c] % LANES
+        contact, q, k = contacts[c], lane[c] // LANES, lane[c] % LANES
+        contact.i, contact.j, contact.key = i[c], j[c], -1
         contact.nx, contact.ny = frame[q, NX, k], frame[q, NY, k]
         contact.bias, contact.mu = frame[q, BIAS, k], frame[q, MU, k]
         contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]

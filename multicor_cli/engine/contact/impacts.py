@@ -178,10 +178,11 @@ def are_contacts(impacts: Impacts, i: Ints, j: Ints) -> bool:
 
 @formula
 def _recall(
-    contact: Any, frame: Floats, impulse: Floats, before: Floats, gap: Floats, branch: Floats,
-    q: int, k: int,
+    contact: Any, i: int, j: int, frame: Floats, impulse: Floats, before: Floats, gap: Floats,
+    branch: Floats, q: int, k: int,
 ) -> None:  # fmt: skip
-    """What the lanes hold of two grains, into their contact."""
+    """What the lanes hold of two grains i and j, into their contact."""
+    contact.i, contact.j, contact.key = i, j, -1
     contact.nx, contact.ny, contact.gap = frame[q, NX, k], frame[q, NY, k], gap[q, k]
     contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
     contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
@@ -221,7 +222,7 @@ def enter_impacts(
         contact, is_wall = contacts[c], j[c] >= count
         q, k = lane[c] // LANES, lane[c] % LANES
         if not is_wall:
-            _recall(contact, frame, impulse, before, gap, branch, q, k)
+            _recall(contact, i[c], j[c], frame, impulse, before, gap, branch, q, k)
         rows[e], known[e, NORMAL], known[e, TANGENTIAL] = c, contact.p_n, contact.p_t
         nx, ny = said[_NX], said[_NY]
         px, py = said[_P_N] * nx - said[_P_T] * ny, said[_P_N] * ny + said[_P_T] * nx

@@ -356,7 +356,9 @@ def arrange_contacts(
     color_start = color_tiles(columns, rows)
     classes = classify_contacts(scene, i, j, wall_is_free, is_face)
     tiled, start = order_contacts(i, classes, TILED, tile, color_start, columns)
-    faces, face_start = order_contacts(i, classes, FACE, tile, color_start, columns)
+    faces, face_start = tiled[:0], np.zeros(start.size, np.int64)
+    if is_face.size:
+        faces, face_start = order_contacts(i, classes, FACE, tile, color_start, columns)
     order = np.empty(tiled.size + faces.size, np.int32)
     for k in range(order.size):
         order[k] = tiled[k] if k < tiled.size else faces[k - tiled.size]
@@ -462,14 +464,12 @@ class Schedule(NamedTuple):
         )  # fmt: skip
 
 
-def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
-    """Column and row of the tile of each grain, shape ``(n, 2)``, for contacts with these shapes.
+def lay_tiles(scene: Scene, span: float, mean_diameter: float) -> Ints:
+    """Column and row of the tile of each grain, shape ``(n, 2)``, for contacts of this `span_of`.
 
     No two tiles of one color have a grain in common, wherever these contacts go.
     """
-    columns, rows, corner, width, height = _grid(
-        scene, max(TILE * mean_diameter, 2.2 * span_of(scene, i, j))
-    )
+    columns, rows, corner, width, height = _grid(scene, max(TILE * mean_diameter, 2.2 * span))
     return tiles_of(_upright(scene), corner, width, height, columns, rows)
 
 

@@ -7,6 +7,8 @@ that a run which goes on from a checkpoint makes the same steps.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +28,7 @@ from multicor_cli.engine.contact.faces import (
     rows_of_faces,
 )
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
-from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
+from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts, span_of
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
@@ -50,14 +52,14 @@ solve."""
 
 
 @parallel_kernel
-def fastest_approach(
+def look_at_pairs(
     scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints, start: Floats,
-    free: Floats, cutoff: float,
+    free: Floats, cutoff: float, gap: Floats,
 ) -> float:  # fmt: skip
     """Largest speed of approach of the listed pairs with a gap below ``cutoff`` [m], or 0 [m/s].
 
     At q_m, with the velocities ``start`` or ``free``, whichever approach faster; of grains that are
-    no discs a bound.
+    no discs a bound. The gaps of all listed pairs of discs go into ``gap`` [m], **modified**.
     """
     count = scene.radius.size
     fastest = np.zeros((count + CHUNK - 1) // CHUNK)
@@ -67,6 +69,8 @@ def fastest_approach(
             for p in range(row[i], row[i + 1]):
                 j = partner[p]
                 g, nx, ny = pair_geometry(scene, i, j)
+                if gap.size:
+                    gap[p] = g
                 if g < cutoff:
                     best = max(best, -closing_velocity(scene, pieces, start, i, j, nx, ny, g))
                     best = max(best, -closing_velocity(scene, pieces, free, i, j, nx, ny, g))
@@ -117,17 +121,31 @@ def points_up_to(
 
 @kernel
 def pairs_up_to(
-    scene: Scene, row: NDArray[np.int64], partner: Ints, margin: float
-) -> tuple[Ints, Ints]:
-    """Grains i, and grains or wall shapes j, of the listed pairs with a gap up to ``margin``."""
+    scene: Scene, row: NDArray[np.int64], partner: Ints, gap: Floats, margin: float
+) -> tuple[Ints, Ints, Ints, Ints, float]:
+    """Grains i, and grains or wall shapes j, of the listed pairs with a gap up to ``margin``.
+
+    Then the other listed pairs, and the largest distance between the centers of two grains of the
+    first [m]. Gaps are those of `look_at_pairs`.
+    """
+    grains, span = row.size - 1, 0.0
     first, second = np.empty(partner.size, np.int32), np.empty(partner.size, np.int32)
-    found = 0
-    for i in range(row.size - 1):
+    beside_i, beside_j = np.empty(partner.size, np.int32), np.empty(partner.size, np.int32)
+    found, beside = 0, 0
+    for i in range(grains):
         for p in range(row[i], row[i + 1]):
             # Nobody could guess which are near: each is written, and the next over it
-            first[found], second[found] = i, partner[p]
-            found += pair_geometry(scene, i, partner[p])[0] <= margin
-    return first[:found].copy(), second[:found].copy()
+            j, is_near = partner[p], gap[p] <= margin
+            first[found], second[found] = i, j
+            beside_i[beside], beside_j[beside] = i, j
+            found += is_near
+            beside += not is_near
+            if is_near and j < grains:
+                span = max(span, scene.radius[i] + scene.radius[j] + gap[p])
+    return (
+        first[:found].copy(), second[:found].copy(), beside_i[:beside].copy(),
+        beside_j[:beside].copy(), span,
+    )  # fmt: skip
 
 
 @kernel
@@ -202,7 +220,8 @@ def deepest_overlap(scene: Scene, pieces: Pieces | None, i: Ints, j: Ints) -> fl
     return best
 
 
-_NO_ROOM, _NO_FACES = np.empty(0, np.int32), np.empty(0, np.bool_)
+_OF_SOME_LAWS = "attraction", "mu_r", "arm", "u_r", "p_r"
+_NO_ROOM, _NO_FACES, _NOBODY = np.empty(0, np.int32), np.empty(0, np.bool_), np.empty((0, 4))
 
 
 class Selection:
@@ -232,6 +251,7 @@ class Selection:
         self._system: System | None = None
         self._is_free: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._laws: ContactLaws | None = None
+        self._writers: ContactLaws | None = None  # laws that have written into the table
         self._impulse: Floats = np.empty((0, 2))  # what the lanes hold, as in the state
         self._entered: tuple[Ints, Floats] | None = None  # impacts, and what they hold beside them
         self._beside: tuple[Ints, Ints] | None = None
@@ -268,8 +288,8 @@ class Selection:
         """Contacts of two discs into the table, which else holds those with walls, and faces."""
         lanes = self.lanes
         tabulate(
-            self._model.grain_count, lanes.lane, lanes.frame, lanes.impulse, lanes.before,
-            lanes.gap, lanes.branch, self.contacts,
+            self._model.grain_count, self.i, self.j, lanes.lane, lanes.frame, lanes.impulse,
+            lanes.before, lanes.gap, lanes.branch, self.contacts,
         )  # fmt: skip
 
     def enter(self, impacts: Impacts, scene: Scene, after: Floats) -> Floats:
@@ -298,17 +318,41 @@ class Selection:
             )  # fmt: skip
             self._entered = None
 
-    def seek(self, scene: Scene, pieces: Pieces | None, margin: float) -> None:
-        """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`; ``pieces`` as they lie."""
+    def look(
+        self, scene: Scene, start: Floats, free: Floats, cutoff: float, dt: float
+    ) -> tuple[float, Floats]:
+        """Gap up to which contacts should be sought [m], as velocities before the solve tell.
+
+        ``cutoff`` is a gap that no pair closes, up to which the list is complete [m]. Also returns
+        the gaps of all listed pairs of discs, for `seek`.
+        """
+        pairs, gap = self._pairs, self._room_for_gaps()
+        fastest = look_at_pairs(
+            scene, self._pieces, pairs.row, pairs.partner, start, free, cutoff, gap
+        )
+        return LASTS * dt * fastest, gap
+
+    def _room_for_gaps(self) -> Floats:
+        return np.empty(self._pairs.partner.size if self._pieces is None else 0)
+
+    def seek(self, scene: Scene, pieces: Pieces | None, margin: float, gap: Floats) -> None:
+        """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`; ``pieces`` as they lie.
+
+        ``gap`` is from `look`.
+        """
         pairs, diameter = self._pairs, self._model.mean_diameter
-        margin = max(margin, SKIN * diameter)
+        margin, builds = max(margin, SKIN * diameter), pairs.builds
         pairs.update(scene, margin)
-        if pieces is None:
-            i, j = pairs_up_to(scene, pairs.row, pairs.partner, margin)
-            room = _NO_ROOM
-        else:
+        if pieces is not None:
             i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
-        self._set(i, j, lay_tiles(scene, i, j, diameter), room)
+            self._set(i, j, lay_tiles(scene, span_of(scene, i, j), diameter), room)
+            return
+        if pairs.builds != builds:
+            gap = self._room_for_gaps()
+            look_at_pairs(scene, None, pairs.row, pairs.partner, _NOBODY, _NOBODY, -math.inf, gap)
+        i, j, *beside, span = pairs_up_to(scene, pairs.row, pairs.partner, gap, margin)
+        self._set(i, j, lay_tiles(scene, span, diameter), _NO_ROOM)
+        self._lay_beside(*beside)
 
     def add(self, scene: Scene, impacts: Impacts) -> None:
         """Take pairs that have had impacts too, wherever they are in the middle of the step."""
@@ -316,7 +360,8 @@ class Selection:
             np.column_stack([np.append(self.i, impacts.i), np.append(self.j, impacts.j)]), axis=0
         )
         i, j = np.ascontiguousarray(pairs.T)
-        self._set(i, j, lay_tiles(scene, i, j, self._model.mean_diameter), _NO_ROOM)
+        tile = lay_tiles(scene, span_of(scene, i, j), self._model.mean_diameter)
+        self._set(i, j, tile, _NO_ROOM)
 
     def _set(self, i: Ints, j: Ints, tile: Ints, room: Ints) -> None:
         self.i, self.j, self.tile = self.pair_i, self.pair_j, _ = i, j, tile
@@ -324,18 +369,12 @@ class Selection:
         if self._pieces is not None:
             self.i, self.j, self.faces = make_room(self._pieces, i, j, room)
         self.contacts = np.zeros(self.i.size, CONTACT)
-        self.contacts["i"], self.contacts["j"], self.contacts["key"] = self.i, self.j, -1
-        self._schedule = self._system = self._beside = self._entered = None
+        # Two discs have their rows when these are asked for: memory that nobody looks at costs most
+        rows = slice(None) if self._pieces is not None else j >= self._model.grain_count
+        self.contacts["i"][rows], self.contacts["j"][rows] = self.i[rows], self.j[rows]
+        self.contacts["key"][rows] = -1
+        self._schedule = self._system = self._beside = self._entered = self._writers = None
         self._impulse = np.empty((0, 2))
-
-    def margin(self, scene: Scene, start: Floats, free: Floats, cutoff: float, dt: float) -> float:
-        """Gap up to which contacts should be sought [m], as velocities before the solve tell.
-
-        ``cutoff`` is a gap that no pair closes, up to which the list is complete [m].
-        """
-        row, partner = self._pairs.row, self._pairs.partner
-        fastest = fastest_approach(scene, self._pieces, row, partner, start, free, cutoff)
-        return LASTS * dt * fastest
 
     def schedule(
         self,
@@ -368,15 +407,16 @@ class Selection:
             fix_lanes(
                 scene, laws, bodies, self.i, self.j, schedule.slot, schedule.about, schedule.frame
             )
-            # Laws without adhesion or rolling resistance do not look at these in a step
-            for name in ("attraction", "mu_r", "arm", "u_r", "p_r"):
-                self.contacts[name] = 0.0
-            self._laws = laws
+            if self._writers is not laws:
+                # Laws without adhesion or rolling resistance do not look at these in a step
+                for name in _OF_SOME_LAWS if self._writers is not None else ():
+                    self.contacts[name] = 0.0
+            self._laws = self._writers = laws
         self._take_back()
         if self._impulse is not state.contact_impulse:
             recall_impulses(
-                state.contact_i, state.contact_j, state.contact_impulse, self.contacts,
-                schedule.slot, schedule.impulse,
+                state.contact_i, state.contact_j, state.contact_impulse, self._model.grain_count,
+                self.i, self.j, schedule.lane, schedule.impulse, self.contacts,
             )  # fmt: skip
             if self.faces.first.size:
                 recall_points(
@@ -430,9 +470,14 @@ class Selection:
         """The listed pairs that are no contacts."""
         pairs = self._pairs
         if self._beside is None or self._builds != pairs.builds:
-            i, j = self._beside = leave_out(pairs.row, pairs.partner, self.pair_i, self.pair_j)
-            is_wall = j >= self._model.grain_count
-            self._walls_beside, self._builds = (i[is_wall], j[is_wall]), pairs.builds
+            of_list = leave_out(pairs.row, pairs.partner, self.pair_i, self.pair_j)
+            return self._lay_beside(*of_list)
+        return self._beside
+
+    def _lay_beside(self, i: Ints, j: Ints) -> tuple[Ints, Ints]:
+        is_wall = j >= self._model.grain_count
+        self._walls_beside, self._builds = (i[is_wall], j[is_wall]), self._pairs.builds
+        self._beside = i, j
         return self._beside
 
     @property

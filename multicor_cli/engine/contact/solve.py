@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -103,8 +102,7 @@ class ThreadChoice:
 # ---- The global solve of one contact problem, in slices short enough to be interrupted
 
 
-@dataclass(frozen=True)
-class ResidualScale:
+class ResidualScale(NamedTuple):
     """Scales of residuals: u_rms and u_ref [m/s], ½ M u_load u_ref [J] (theory §5.3).
 
     ``motion`` is the mean speed at which bodies in contact move past each other, ``load`` is u_load

@@ -103,7 +103,7 @@ def cell_count(size: Floats, width: float) -> float:
 
 # ---- All pairs of shapes whose gap is below a cutoff
 
-CROWDED = 100  # discs side by side in cells, above which those near a grain are counted one by one
+ROOM = 8  # pairs of a disc for which there is room at first
 
 
 @kernel
@@ -132,13 +132,9 @@ def centers_between(
 
 @kernel
 def bin_discs(
-    center: Floats,
-    level: Ints,
-    level_cells: Floats,
-    origin: Floats,
-    level_start: Ints,
+    center: Floats, level: Ints, level_cells: Floats, origin: Floats, level_start: Ints,
     level_shape: Ints,
-) -> tuple[Ints, Ints]:
+) -> tuple[Ints, Ints]:  # fmt: skip
     """Discs sorted into the cells of `Grids`, ascending in each, after the start of each cell."""
     cell = np.empty(level.size, np.int32)
     start = np.zeros(level_start[-1] + 1, np.int32)
@@ -173,149 +169,179 @@ def _cells_within(
 
 
 @formula
-def _scan_row(
-    i: int, grain_count: int, center: Floats, radius: Floats, shape_of: Ints, cutoff: float,
-    period: float, height: float, tilt: float, level_cells: Floats, level_radius: Floats,
-    origin: Floats, level_start: Ints, level_shape: Ints, cell_start: Ints, sorted_x: Floats,
-    sorted_y: Floats, sorted_radius: Floats, cell_disc: Ints, out: Ints, offset: int,
-) -> int:  # fmt: skip
-    """Partners of grain ``i`` with a higher number go to ``out[offset:]``; returns how many.
+def _next_cell(cell: int, count: int, is_periodic: bool) -> int:
+    """The cell ahead of one, or this one where that is not there, or sees it as the one ahead."""
+    return cell + 1 if is_periodic and count > 2 else min(cell + 1, count - 1)
 
-    With a negative ``offset`` only a bound of their number is returned: all discs in the cells
-    around, unless these are crowded (one grain that has flown far away makes all cells large).
+
+@formula
+def _scan_cell(
+    cell: int, k: int, grain_count: int, shape_of: Ints, cutoff: float, period: float,
+    height: float, tilt: float, level_cells: Floats, level_radius: Floats, level_start: Ints,
+    level_shape: Ints, cell_start: Ints, sorted_x: Floats, sorted_y: Floats, sorted_radius: Floats,
+    cell_disc: Ints, first: Ints, second: Ints, offset: int, last: int,
+) -> int:  # fmt: skip
+    """Pairs of the discs in a cell of level ``k`` with those that come later.
+
+    These are in the same cell, in the cells ahead, or in the cells around of larger classes:
+    whoever is near is no more than one cell away, so that one of both finds the other. Pairs go to
+    ``(first, second)[offset:last]``, which is **modified**; returns how many, if there is room for
+    them or not.
     """
-    found = 0
-    x, y, r = center[i, X], center[i, Y], radius[i]
-    for k in range(level_radius.size):
-        span = r + level_radius[k] + cutoff
-        columns, rows = level_shape[k, X], level_shape[k, Y]
-        first_y, last_y = _cells_within(
-            y - span - origin[Y], y + span - origin[Y], level_cells[k, Y], rows, height > 0.0
-        )
-        # Where all rows are near, which of their images is that is not known by the row
-        reach = 0.5 * period if height > 0.0 and last_y - first_y == rows - 1 else span
-        first_x, last_x = _cells_within(
-            x - reach - origin[X], x + reach - origin[X], level_cells[k, X], columns, period > 0.0
-        )
-        for cy in range(first_y, last_y + 1):
-            px, py, row, column, end = x, y, cy, first_x, last_x
-            if height > 0.0:  # an image of the row lies elsewhere
-                images = cy // rows
-                px, py, row = x - images * tilt, y - images * height, cy - images * rows
-                column, end = _cells_within(
-                    px - reach - origin[X], px + reach - origin[X], level_cells[k, X], columns,
-                    period > 0.0,
-                )  # fmt: skip
-            base = level_start[k] + row * columns
+    found, width, depth = 0, level_cells[k, X], level_cells[k, Y]
+    cy = (cell - level_start[k]) // level_shape[k, X]
+    cx = cell - level_start[k] - cy * level_shape[k, X]
+    for other in range(k, level_shape.shape[0]):
+        span = level_radius[k] + level_radius[other] + cutoff
+        columns, rows = level_shape[other, X], level_shape[other, Y]
+        first_y, last_y = cy, _next_cell(cy, rows, height > 0.0)
+        is_low = height > 0.0 and rows < 3
+        if other > k:
+            first_y, last_y = _cells_within(
+                cy * depth - span, (cy + 1) * depth + span, level_cells[other, Y], rows,
+                height > 0.0,
+            )  # fmt: skip
+            is_low = height > 0.0 and last_y - first_y == rows - 1
+        for row in range(first_y, last_y + 1):
+            is_own = other == k and row == cy
+            images = (row >= rows) - (row < 0)  # in a cell the image of a row lies elsewhere
+            left = cx * width - images * tilt
+            column, last_x = _cells_within(
+                left - span, left + width + span, level_cells[other, X], columns, period > 0.0
+            )
+            if is_own:
+                column, last_x = cx, _next_cell(cx, columns, period > 0.0)
+            if is_low:  # which image is near is not known by the row
+                column, last_x = cx if is_own else 0, columns - 1
+            base = level_start[other] + (row - images * rows) * columns
             # Cells side by side are one run of discs, except across the period
-            while column <= end:
-                cx = column if 0 <= column < columns else column % columns
-                run = min(end + 1 - column, columns - cx)
-                column += run
-                first, last = cell_start[base + cx], cell_start[base + cx + run]
-                if offset < 0 and last - first <= CROWDED:
-                    found += last - first
-                    continue
-                for place in range(first, last):
-                    other = cell_disc[place]
-                    dx, dy = shortest(
-                        px - sorted_x[place], py - sorted_y[place], period, height, tilt
-                    )
-                    near = r + sorted_radius[place] + cutoff
-                    # Nobody could guess which are near: each is written, and the next over it
-                    if offset >= 0:
-                        out[offset + found] = other
-                    found += (other > i) & (dx * dx + dy * dy < near * near)
-    for p in range(offset, offset + found if offset >= 0 else offset):
-        if out[p] >= grain_count:
-            out[p] = shape_of[out[p] - grain_count]
-    return found
+            while column <= last_x:
+                at = base + column - columns * ((column >= columns) - (column < 0))
+                run = min(last_x + 1 - column, base + columns - at)
+                is_same, column = is_own and at == cell, column + run
+                end = cell_start[at + run]
+                for place in range(cell_start[cell], cell_start[cell + 1]):
+                    x, y, r = sorted_x[place], sorted_y[place], sorted_radius[place] + cutoff
+                    for p in range(place + 1 if is_same else cell_start[at], end):
+                        dx, dy = shortest(x - sorted_x[p], y - sorted_y[p], period, height, tilt)
+                        near = r + sorted_radius[p]
+                        # Nobody could guess which are near: each is written, and the next over it
+                        to = min(offset + found, last)
+                        first[to], second[to] = cell_disc[place], cell_disc[p]
+                        found += dx * dx + dy * dy < near * near
+    if offset + found > last:
+        return found
+    return _name(grain_count, shape_of, first, second, offset, found)
+
+
+@formula
+def _name(
+    grain_count: int, shape_of: Ints, first: Ints, second: Ints, offset: int, found: int
+) -> int:
+    """Turn pairs of two discs into those of a grain and a shape; returns how many are left."""
+    kept = offset
+    for p in range(offset, offset + found):
+        lower, higher = min(first[p], second[p]), max(first[p], second[p])
+        if lower < grain_count:  # else both are parts of walls
+            is_grain = higher < grain_count
+            first[kept] = lower
+            second[kept] = higher if is_grain else shape_of[higher - grain_count]
+            kept += 1
+    return kept - offset
 
 
 @subroutine
 def _scan_shapes(
-    i: int, grain_count: int, center: Floats, radius: Floats, others: Ints, kind: Ints,
-    world: Floats, cutoff: float, period: float, out: Ints, offset: int,
+    begin: int, end: int, grain_count: int, sorted_x: Floats, sorted_y: Floats,
+    sorted_radius: Floats, cell_disc: Ints, others: Ints, kind: Ints, world: Floats, cutoff: float,
+    period: float, first: Ints, second: Ints, offset: int, last: int,
 ) -> int:  # fmt: skip
-    """As `_scan_row`, for the wall shapes that are not discs: ``others``, ascending."""
+    """As `_scan_cell`, of the grains in places ``begin … end`` and the wall shapes ``others``."""
     found = 0
-    for k in range(others.size):
-        shape = others[k]
-        if is_near_shape(center[i, X], center[i, Y], radius[i], shape, kind, world, period, cutoff):
-            if offset >= 0:
-                out[offset + found] = grain_count + shape
-            found += 1
+    for place in range(begin, end):
+        x, y, i = sorted_x[place], sorted_y[place], cell_disc[place]
+        for k in range(others.size if i < grain_count else 0):
+            shape = others[k]
+            if is_near_shape(x, y, sorted_radius[place], shape, kind, world, period, cutoff):
+                to = min(offset + found, last)
+                first[to], second[to] = i, grain_count + shape
+                found += 1
     return found
 
 
-@formula
-def _sort(values: Ints, first: int, last: int) -> None:
-    """Insertion sort of ``values[first:last]``: rows are short."""
-    for k in range(first + 1, last):
-        value = values[k]
-        m = k - 1
-        while m >= first and values[m] > value:
-            values[m + 1] = values[m]
-            m -= 1
-        values[m + 1] = value
+@kernel
+def _rows_of(
+    grain_count: int, first: Ints, second: Ints, begin: NDArray[np.int64], count: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], Ints]:
+    """Rows of the grains ``first``, with partners ascending, of ``count`` pairs in each chunk."""
+    row = np.zeros(grain_count + 1, np.int64)
+    for chunk in range(count.size):
+        for p in range(begin[chunk], begin[chunk] + count[chunk]):
+            row[first[p] + 1] += 1
+    for grain in range(grain_count):
+        row[grain + 1] += row[grain]
+    fill, partner = row[:-1].copy(), np.empty(row[grain_count], np.int32)
+    for chunk in range(count.size):
+        for p in range(begin[chunk], begin[chunk] + count[chunk]):
+            at, start, value = fill[first[p]], row[first[p]], second[p]
+            fill[first[p]] += 1
+            while at > start and partner[at - 1] > value:
+                partner[at] = partner[at - 1]
+                at -= 1
+            partner[at] = value
+    return row, partner
 
 
 @parallel_kernel
 def list_pairs(
-    grain_count: int, center: Floats, radius: Floats, shape_of: Ints, others: Ints, kind: Ints,
-    world: Floats, cutoff: float, period: float, height: float, tilt: float, level_cells: Floats,
-    level_radius: Floats, origin: Floats, level_start: Ints, level_shape: Ints, cell_start: Ints,
-    sorted_x: Floats, sorted_y: Floats, sorted_radius: Floats, cell_disc: Ints,
-) -> tuple[Ints, Ints]:  # fmt: skip
+    grain_count: int, shape_of: Ints, others: Ints, kind: Ints, world: Floats, cutoff: float,
+    period: float, height: float, tilt: float, level_cells: Floats, level_radius: Floats,
+    level_start: Ints, level_shape: Ints, cell_start: Ints, sorted_x: Floats, sorted_y: Floats,
+    sorted_radius: Floats, cell_disc: Ints,
+) -> tuple[NDArray[np.int64], Ints]:  # fmt: skip
     """All pairs with a gap below ``cutoff`` [m].
 
-    Discs, ``center`` and ``radius`` [m], are the grains, then those of walls, whose shape numbers
-    are ``shape_of``; ``others`` are the wall shapes that are not discs: both ascending. Levels,
-    origin and cells are those of `Grids`, ``cell_start`` and ``cell_disc`` from `bin_discs`, and
-    ``sorted_…`` of the discs sorted by cell. Returns ``row``, shape ``(n + 1,)``, and ``partner``:
-    ``partner[row[i]:row[i+1]]`` are the shapes near grain i, ascending.
+    Discs are the grains, then those of walls, whose shape numbers are ``shape_of``; ``others`` are
+    the wall shapes that are not discs: both ascending. Levels and cells are those of `Grids`,
+    ``cell_start`` and ``cell_disc`` from `bin_discs`, and ``sorted_…`` of the discs sorted by cell
+    [m]. Returns ``row``, shape ``(n + 1,)``, and ``partner``: ``partner[row[i]:row[i+1]]`` are the
+    shapes near grain i, ascending.
     """
-    row = np.zeros(grain_count + 1, np.int64)
-    chunks = max(1, -(-grain_count // CHUNK))
+    cells = cell_start.size - 1
+    chunks = max(1, -(-cells // CHUNK))
+    count = np.zeros(chunks, np.int64)
+    for c in range(chunks):
+        count[c] = ROOM * (cell_start[min(cells, (c + 1) * CHUNK)] - cell_start[c * CHUNK])
     begin = np.zeros(chunks + 1, np.int64)
-    found_pairs = np.empty(0, np.int32)
-    # The loop first finds how much room each chunk needs at most, then fills its part.
-    for is_writing in range(2):
+    first, second = np.empty(0, np.int32), np.empty(0, np.int32)
+    is_full = True
+    while is_full:  # once more where there was not room enough
+        for c in range(chunks):
+            begin[c + 1] = begin[c] + count[c] + 1  # one that is not near is written, too
+        first, second = np.empty(begin[chunks], np.int32), np.empty(begin[chunks], np.int32)
         for number in prange(chunks):
             chunk: int = np.int64(number)  # type: ignore[assignment]  # unsigned, the functions below would be compiled once more
-            at = int(begin[chunk]) if is_writing else -1
-            room = 0
-            for grain in range(chunk * CHUNK, min(grain_count, (chunk + 1) * CHUNK)):
-                found = _scan_row(
-                    grain, grain_count, center, radius, shape_of, cutoff, period, height, tilt,
-                    level_cells, level_radius, origin, level_start,
-                    level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc,
-                    found_pairs, at,
-                )  # fmt: skip
-                beyond = at + found if is_writing else -1
-                found += _scan_shapes(
-                    grain, grain_count, center, radius, others, kind, world, cutoff, period,
-                    found_pairs, beyond,
-                )  # fmt: skip
-                if is_writing:
-                    _sort(found_pairs, at, at + found)
-                    row[grain + 1] = found
-                    at += found
-                room += found
-            if not is_writing:
-                begin[chunk + 1] = room + 1  # one that is not near may be written last
-        if not is_writing:
-            for chunk in range(chunks):
-                begin[chunk + 1] += begin[chunk]
-            found_pairs = np.empty(begin[chunks], np.int32)
-    for grain in range(grain_count):
-        row[grain + 1] += row[grain]
-    partner = np.empty(row[grain_count], np.int32)
-    for chunk in range(chunks):
-        begin_row = row[chunk * CHUNK]
-        for p in range(row[min(grain_count, (chunk + 1) * CHUNK)] - begin_row):
-            partner[begin_row + p] = found_pairs[begin[chunk] + p]
-    return row, partner
+            found, last, k = 0, begin[chunk + 1] - 1, 0
+            for cell in range(chunk * CHUNK, min(cells, (chunk + 1) * CHUNK)):
+                while cell >= level_start[k + 1]:
+                    k += 1
+                if cell_start[cell] < cell_start[cell + 1]:
+                    found += _scan_cell(
+                        cell, k, grain_count, shape_of, cutoff, period, height, tilt, level_cells,
+                        level_radius, level_start, level_shape, cell_start, sorted_x, sorted_y,
+                        sorted_radius, cell_disc, first, second, begin[chunk] + found, last,
+                    )  # fmt: skip
+                if others.size:
+                    found += _scan_shapes(
+                        cell_start[cell], cell_start[cell + 1], grain_count, sorted_x, sorted_y,
+                        sorted_radius, cell_disc, others, kind, world, cutoff, period, first,
+                        second, begin[chunk] + found, last,
+                    )  # fmt: skip
+            count[chunk] = found
+        is_full = False
+        for c in range(chunks):
+            is_full |= begin[c] + count[c] >= begin[c + 1]
+    return _rows_of(grain_count, first, second, begin, count)
 
 
 @kernel
@@ -340,14 +366,13 @@ def find_near(
     kind: Ints, world: Floats, cutoff: float, period: float, height: float = 0.0, tilt: float = 0.0,
 ) -> tuple[NDArray[np.int64], Ints]:  # fmt: skip
     """All pairs with a gap below ``cutoff`` [m], whatever the grids; as `list_pairs`."""
-    _, cells, largest, origin, start, shape = grids
-    cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)
-    row, partner = list_pairs(
-        grain_count, center, radius, shape_of, others, kind, world, cutoff, period, height, tilt,
-        cells, largest, origin, start, shape, cell_start,
-        center[cell_disc, X], center[cell_disc, Y], radius[cell_disc], cell_disc,
+    level, cells, largest, origin, start, shape = grids
+    cell_start, cell_disc = bin_discs(center, level, cells, origin, start, shape)
+    return list_pairs(
+        grain_count, shape_of, others, kind, world, cutoff, period, height, tilt, cells, largest,
+        start, shape, cell_start, center[cell_disc, X], center[cell_disc, Y],
+        radius[cell_disc], cell_disc,
     )  # fmt: skip
-    return row.astype(np.int64, copy=False), partner
 
 
 class Around(NamedTuple):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cells import make_cell
 from scene_parts import make_model
 
 from multicor_cli.engine.geometry.neighbors import NeighborList
@@ -48,6 +49,52 @@ def test_list_holds_every_near_pair(period, ratio):
         partners = lists.partner[lists.row[i] : lists.row[i + 1]]
         assert (np.diff(partners) > 0).all()
         assert (partners > i).all()
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.5, 9.0])
+@pytest.mark.parametrize("columns", [2.05, 2.7, 3.1, 4.4, 9.0])
+@pytest.mark.parametrize("rows", [0.0, 2.05, 2.7, 3.1, 4.4, 9.0])
+@pytest.mark.parametrize("tilt", [0.0, -0.5, 0.3])
+def test_list_holds_near_pairs_and_no_others(ratio, columns, rows, tilt):
+    """In few cells, which see each other from both sides, and where they are images, too."""
+    rng = np.random.default_rng(round(100 * (columns + 10 * rows + tilt)))
+    width, height = 2.0 * columns, 2.0 * rows
+    n = max(6, round(0.5 * width * (height or 8.0) * ratio))
+    radius = 0.5 * ratio ** (-rng.random(n))
+    radius[0] = 0.5
+    positions = np.column_stack([rng.uniform(-30.0, 30.0, (n, 2)), np.zeros(n)])
+    if rows:
+        model, state = make_cell(positions, radius, (width, height), tilt=tilt * width)
+        scene = scene_of(model, state.position, state.wall_position)
+    else:
+        positions[:, 1] *= 0.1
+        model = make_model(radius, walls=(), period=width)
+        scene = _scene(model, positions)
+    lists = NeighborList(model)
+    lists.update(scene, 0.3)
+    apart = positions[:, None, :2] - positions[None, :, :2]
+    up = np.round(apart[..., 1] / height) if rows else np.zeros((n, n))
+    nearest = np.full((n, n), np.inf)
+    for k in (-1, 0, 1) if rows else (0,):
+        x = apart[..., 0] - (up + k) * tilt * width * (rows > 0.0)
+        y = apart[..., 1] - (up + k) * height
+        nearest = np.minimum(nearest, np.hypot(x - width * np.round(x / width), y))
+    gap = nearest - radius[:, None] - radius[None, :]
+    near = np.nonzero(np.triu(gap < lists.complete, 1))
+    assert _listed(lists) == set(zip(*(index.tolist() for index in near), strict=True))
+
+
+def test_list_has_room_for_all():
+    """Though far more than usual are near."""
+    rng = np.random.default_rng(6)
+    positions = np.column_stack([rng.uniform(0.0, 20.0, (700, 2)), np.zeros(700)])
+    radius = rng.uniform(0.1, 0.5, 700)
+    model = make_model(radius, walls=())
+    lists = NeighborList(model)
+    lists.update(_scene(model, positions), 6.0)
+    near = _all_pairs(positions, radius, 0.0, lists.complete)
+    assert len(near) > 60 * 700
+    assert _listed(lists) == near
 
 
 def test_list_is_kept_while_nothing_moves_far_and_rebuilt_in_time():
