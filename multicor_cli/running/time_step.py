@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic import hypot, power
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.walls import PRESCRIBED
 from multicor_cli.engine.motion.drives import DofDrive, Gravity, Shifted, Signal, WallDrive
@@ -55,6 +55,12 @@ OSCILLATIONS = 100.0
 
 TRAVEL = 0.3
 """Largest distance in a step over d̄, at the largest speed that is known beforehand (`fastest`)."""
+
+SLOWEST, BY_NUMBER, POWER = 0.2567, 0.775, 0.768
+"""μ* of plane shear is the first plus the second times I to the third (theory §15.4)."""
+
+LARGEST_NUMBER = 0.3
+"""Inertial number up to which the automatic step has been measured."""
 
 
 # ---- What goes up and down in a stage, and how fast: signals, and walls on their springs
@@ -164,7 +170,8 @@ class Scales:
         strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the
             height of the domain, that of the two largest in y over its smaller side, and the
             fastest spin of a wall; a surface that runs counts as the motion of the wall that would
-            carry grains along like it. Of a cell γ̇ is the largest rate.
+            carry grains along like it; or that of a layer on a slope (`_sliding_number`). Of a
+            cell γ̇ is the largest rate.
         travel: d̄ over the largest speed that is known beforehand, that of ``fastest``.
         friction: Largest coefficient of friction between grains.
         period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
@@ -233,7 +240,9 @@ def find_scales(
     if model.is_cell:  # the lighter of the two follows a stress: what M = Σ m d̄² moves has mass m
         mean_mass *= min(1.0, 1.0 if (f := scenario.domain.cell_inertia) is None else f)
     pressure = largest_pressure(scenario, model, drives, gravity)
+    scale = math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf
     rate = _largest_rate(scenario, model, drives)
+    sliding = _sliding_number(scenario, gravity) / scale
     speed, mover = fastest(scenario, model, drives, gravity)
     cycles = cycles or (list(wall_cycles(model, drives)), [])
     period, heat_period = (
@@ -241,8 +250,8 @@ def find_scales(
         for each in cycles
     )
     return Scales(
-        math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
-        1.0 / rate if rate > 0.0 else math.inf,
+        scale,
+        1.0 / max(rate, sliding) if max(rate, sliding) > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
         largest_friction(model, laws or model.laws),
         period.period,
@@ -251,8 +260,28 @@ def find_scales(
         heat_period.period,
         heat_period.of,
         adhesion_time(model),
-        strained_by="the cell" if model.is_cell else "moving walls",
+        strained_by=(
+            "a layer that slides down"
+            if sliding > rate
+            else "the cell"
+            if model.is_cell
+            else "moving walls"
+        ),
     )
+
+
+def _sliding_number(scenario: Scenario, gravity: LargestGravity) -> float:
+    """Inertial number of a layer that slides along the period: tan θ = μ*(I), and no wall stops it.
+
+    0 where it rests, or where nothing lets it slide for ever.
+    """
+    domain, (along, across, _) = scenario.domain, gravity
+    if domain.period == 0.0 or domain.is_cell or along <= SLOWEST * across:
+        return 0.0
+    if across == 0.0:
+        return LARGEST_NUMBER
+    excess = (along / across - SLOWEST) / BY_NUMBER
+    return min(LARGEST_NUMBER, power(excess, 1.0 / POWER))
 
 
 def largest_pressure(

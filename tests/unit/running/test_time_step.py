@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from places import ROOT
 from run_fakes import in_pieces
 from scenarios import digests, toml
 from scenes import SHEAR
@@ -89,6 +90,29 @@ def test_moving_walls_set_the_rate(scales_of):
         ({"paddle": run, "bottom": WallDrive(surface=Constant(-1.0))}, smallest),
     ):
         assert scales_of(**drives).strain == pytest.approx(strain)
+
+
+@pytest.mark.parametrize(
+    ("slope", "number"),
+    [
+        (0.0, 0.0), (10.0, 0.0), (14.3, 0.0), (14.5, 4.04e-4), (20.0, 0.0762), (24.0, 0.158),
+        (27.0, 0.233), (31.0, 0.3), (90.0, 0.3),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("is_periodic", [True, False])
+def test_a_layer_on_a_slope_sets_the_rate_at_which_its_friction_is_the_slope(
+    slope, number, is_periodic
+):
+    """μ*(I) = 0.2567 + 0.775 I^0.768 (theory §15.4), measured up to I = 0.3; without a period it
+    comes to an end."""
+    changes = [f"variables.angle={slope}", f"domain.periodic={str(is_periodic).lower()}"]
+    scenario = multicor.load_scenario(ROOT / "configs" / "chute.toml", overrides=changes)
+    model, _ = build(scenario)
+    scales = find_scales(scenario, model, [WallDrive()] * model.wall_count)
+    rate = number / scales.pressure if is_periodic else 0.0
+    assert 1.0 / scales.strain == pytest.approx(rate, rel=0.02)
+    if rate:
+        assert scales.strained_by == "a layer that slides down"
 
 
 @pytest.mark.parametrize("reach", [None, 2e-6])
