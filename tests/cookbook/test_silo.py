@@ -26,7 +26,7 @@ D, WIDTH, BOTTOM = 2e-3, 40e-3, 24e-3
 SETTLED = 0.4
 """Time after the start of the discharge from which the flow is steady [s]."""
 
-OPENINGS, SEEDS = (6, 8, 10, 12), (1, 2)
+OPENINGS, SEEDS = (6, 8, 10, 12), (1, 2, 3)
 
 
 @pytest.fixture(scope="module")
@@ -45,19 +45,24 @@ def steady(run):
 
 
 def flow_rate(directory):
-    """Grains per second that leave in the steady flow."""
+    """Grains per second that leave in the steady flow; nan if an arch has closed the opening."""
     with multicor.open_run(directory) as run:
         time, left = run.series["time"], run.series["left"]
         chosen = time >= steady(run)
-    return float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
+    rate = float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
+    return rate if rate > 0.0 else math.nan
 
 
 def test_the_flow_rate_follows_beverloo(silos, record_property):
-    """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3
-    %."""
+    """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3 %.
+
+    Six diameters are so few that an arch may close them for ever.
+    """
     each = np.array([[flow_rate(silos[opening, seed]) for opening in OPENINGS] for seed in SEEDS])
     print(f"rates by seed: {each.round()}")
-    rates = each.mean(axis=0)
+    assert np.isnan(each[:, 0]).sum() <= 1
+    assert not np.isnan(each[:, 1:]).any()
+    rates = np.nanmean(each, axis=0)
     powers = rates ** (2.0 / 3.0)
     slope, start = np.polyfit(OPENINGS, powers, 1)
     misfit = powers - np.polyval([slope, start], OPENINGS)

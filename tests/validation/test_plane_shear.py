@@ -58,19 +58,24 @@ def test_rheology(tmp_path, record_property, overrides, expected, seeds):
 @pytest.mark.validation
 @pytest.mark.timeout(3600)
 def test_a_cell_flows_as_the_bulk_between_walls(tmp_path, record_property):
-    """The same discs without walls, at the inertial number of the bulk between them."""
+    """The same discs without walls, at the inertial number of the bulk between them.
+
+    The friction is 0.008 ± 0.002 higher in the cell: three flows of each, and strains of 5, do not
+    tell that from the bound.
+    """
     walls, cells = [], []
-    for seed in (2005, 7, 1):
+    for seed in (2005, 7, 1, 2, 3, 4):
         scenario = multicor.load_scenario(CONFIG, overrides=[f"scenario.seed={seed}"])
         multicor.run(scenario, tmp_path / f"walls-{seed}")
         bulk = measure_bulk(tmp_path / f"walls-{seed}", load=0.3)
         walls.append([bulk.inertial_number, bulk.friction, bulk.solid_fraction])
     number = float(np.mean(walls, axis=0)[0])
-    for seed in (1, 2, 3):
-        overrides = [f"scenario.seed={seed}", f"variables.I={number}"]
+    long = "loading.1.until.strain.value=24.0"
+    for seed in (1, 2, 3, 4):
+        overrides = [f"scenario.seed={seed}", f"variables.I={number}", long]
         multicor.run(multicor.load_scenario(CELL, overrides=overrides), tmp_path / f"cell-{seed}")
         with multicor.open_run(tmp_path / f"cell-{seed}") as run:
-            mean = rheology(run, Selection(start=0.35 * run.frames[-1].time)).mean
+            mean = rheology(run, Selection(start=0.15 * run.frames[-1].time)).mean
         friction = abs(mean["stress_xy"]) / mean["stress_yy"]
         cells.append([mean["inertial_number"], friction, mean["solid_fraction"]])
     for name, rows in (("walls", walls), ("cell", cells)):
