@@ -175,6 +175,12 @@ def _next_cell(cell: int, count: int, is_periodic: bool) -> int:
 
 
 @formula
+def _period_of(cell: int, count: int) -> int:
+    """Periods by which a cell beside the grid is off the one that it is an image of."""
+    return 1 if cell >= count else -1 if cell < 0 else 0
+
+
+@formula
 def _scan_cell(
     cell: int, k: int, grain_count: int, shape_of: Ints, cutoff: float, period: float,
     height: float, tilt: float, level_cells: Floats, level_radius: Floats, level_start: Ints,
@@ -204,8 +210,11 @@ def _scan_cell(
             is_low = height > 0.0 and last_y - first_y == rows - 1
         for row in range(first_y, last_y + 1):
             is_own = other == k and row == cy
-            images = (row >= rows) - (row < 0)  # in a cell the image of a row lies elsewhere
-            left = cx * width - images * tilt
+            images = _period_of(row, rows)
+            left = cx * width
+            if images != 0:  # in a cell the image of a row lies elsewhere, however far it leans
+                left -= images * tilt
+                left -= period * np.floor(left / period)
             column, last_x = _cells_within(
                 left - span, left + width + span, level_cells[other, X], columns, period > 0.0
             )
@@ -216,7 +225,7 @@ def _scan_cell(
             base = level_start[other] + (row - images * rows) * columns
             # Cells side by side are one run of discs, except across the period
             while column <= last_x:
-                at = base + column - columns * ((column >= columns) - (column < 0))
+                at = base + column - columns * _period_of(column, columns)
                 run = min(last_x + 1 - column, base + columns - at)
                 is_same, column = is_own and at == cell, column + run
                 end = cell_start[at + run]

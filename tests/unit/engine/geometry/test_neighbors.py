@@ -54,10 +54,10 @@ def test_list_holds_every_near_pair(period, ratio):
 @pytest.mark.parametrize("ratio", [1.0, 2.5, 9.0])
 @pytest.mark.parametrize("columns", [2.05, 2.7, 3.1, 4.4, 9.0])
 @pytest.mark.parametrize("rows", [0.0, 2.05, 2.7, 3.1, 4.4, 9.0])
-@pytest.mark.parametrize("tilt", [0.0, -0.5, 0.3])
+@pytest.mark.parametrize("tilt", [0.0, -0.5, 0.3, 1.0, -2.4, 3.7])
 def test_list_holds_near_pairs_and_no_others(ratio, columns, rows, tilt):
     """In few cells, which see each other from both sides, and where they are images, too."""
-    rng = np.random.default_rng(round(100 * (columns + 10 * rows + tilt)))
+    rng = np.random.default_rng(round(100 * (columns + 10 * rows + tilt + 9)))
     width, height = 2.0 * columns, 2.0 * rows
     n = max(6, round(0.5 * width * (height or 8.0) * ratio))
     radius = 0.5 * ratio ** (-rng.random(n))
