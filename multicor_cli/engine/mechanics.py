@@ -413,11 +413,12 @@ class Mechanics:
             # What is near must not depend on the age of the list
             near = reach_of(correction.overlap, model)
             self.contacts.list_up_to(cutoff + near, step)
-            i, j, below = selection.pair_i, selection.pair_j, 0.0
             if overlaps.size:
                 is_deep = overlaps > ALLOWED
                 i, j = selection.pairs_with(is_deep)
                 below = float(overlaps[~is_deep].max(initial=0.0))
+            else:
+                i, j, below = self.contacts.deep_pairs(ALLOWED)
             if beside > ALLOWED:
                 i, j = selection.with_walls()
             correction = correct_positions(

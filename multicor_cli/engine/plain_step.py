@@ -134,8 +134,8 @@ def _begin(
 @kernel
 def _end(
     kernels: NDArray[np.int64], s: System, scene: Scene, place: Ints, middle: Floats, about: Floats,
-    before: Floats, gap: Floats, branch: Floats, of_walls: Ints, walls: Ints, lane: Ints,
-    general: Ints, contacts: Contacts, bodies: Floats, free: Floats, i: Ints, j: Ints,
+    before: Floats, gap: Floats, branch: Floats, depth: Floats, of_walls: Ints, walls: Ints,
+    lane: Ints, general: Ints, contacts: Contacts, bodies: Floats, free: Floats, i: Ints, j: Ints,
     beside_i: Ints, beside_j: Ints, wall_i: Ints, wall_j: Ints, belt: Floats, extent: Floats,
     driven: NDArray[np.bool_], local: Floats, mass: Floats, reach: Floats, gravity: Floats,
     spin_factor: float, largest: float, complete: float, dt: float, is_enough: bool,
@@ -191,7 +191,7 @@ def _end(
         )  # fmt: skip
     sums = call(
         _account_grains, kernels,
-        (middle, s.velocity, s.pair, about, s.frame, s.impulse, before, gap, branch, dt,
+        (middle, s.velocity, s.pair, about, s.frame, s.impulse, before, gap, branch, depth, dt,
          scene.period, 0.0, 0.0, 0.0),
     )  # fmt: skip
     of_walls_too = call(account_contacts, kernels, (scene, end, contacts, after, of_walls, sums))
@@ -317,9 +317,9 @@ class PlainSteps:
         while True:
             after, first, second, known, *sums, rows, held = _end(
                 self._kernels, selection.system(model.shape_factor), step.scene, lanes.place,
-                lanes.middle, lanes.about, lanes.before, lanes.gap, lanes.branch, lanes.of_walls,
-                lanes.walls, lanes.lane, lanes.general, selection.contacts, layout.before,
-                layout.free, selection.i, selection.j, *selection.beside, *selection.walls_beside,
+                lanes.middle, lanes.about, lanes.before, lanes.gap, lanes.branch, lanes.depth,
+                lanes.of_walls, lanes.walls, lanes.lane, lanes.general, selection.contacts,
+                layout.before, layout.free, selection.i, selection.j, *selection.beside, *selection.walls_beside,
                 motion.belt, motion.extent, motion.driven, shapes.geometry, model.grains.mass,
                 model.spin_radius, step.gravity, model.shape_factor, pairs.largest, pairs.complete,
                 step.dt, is_enough, state.position, state.velocity, wall_position, wall_velocity,

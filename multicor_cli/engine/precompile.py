@@ -53,6 +53,7 @@ from multicor_cli.engine.contact.patches import (
     solve_patch,
 )
 from multicor_cli.engine.contact.selection import (
+    deep_pairs,
     deepest_overlap,
     find_closing,
     leave_out,
@@ -173,9 +174,10 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
         _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, pieces, _NOBODY, _NOBODY)
+    deep_pairs(lanes.depth, lanes.slot, lanes.of_walls, _NOBODY, _NOBODY, 1.0)
     sums = account_grains(
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-        lanes.before, lanes.gap, lanes.branch, 1.0, model.period, 0.0, 0.0, 0.0,
+        lanes.before, lanes.gap, lanes.branch, lanes.depth, 1.0, model.period, 0.0, 0.0, 0.0,
     )  # fmt: skip
     of_contacts = account_contacts(scene, scene, contacts, bodies, _NOBODY, sums)
     if pieces is not None:

@@ -267,7 +267,7 @@ class StepContacts:
         else:
             which, of_grains = lanes.of_walls, account_grains(
                 lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-                lanes.before, lanes.gap, lanes.branch, step.dt, step.scene.period,
+                lanes.before, lanes.gap, lanes.branch, lanes.depth, step.dt, step.scene.period,
                 *self._gradient(after),
             )  # fmt: skip
         sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
@@ -283,3 +283,13 @@ class StepContacts:
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]
             sums.wall_impulse[0] = of_contacts + step.convected
         return sums, overlaps
+
+    def deep_pairs(self, least: float) -> tuple[Ints, Ints, float]:
+        """Pairs of discs and walls, of which some may overlap by more than ``least`` after a step.
+
+        All others do by what is returned last at most, over the smaller radius.
+        """
+        laws, selection = self.laws, self.layout.selection
+        if laws.adhesion.size or laws.rolling.size or self.model.is_cell:
+            return selection.pair_i, selection.pair_j, 0.0  # `account` has not asked the lanes
+        return selection.deep_pairs(least)

@@ -422,6 +422,7 @@ class Schedule(NamedTuple):
         before: u_n⁻, u_t⁻ [m/s], shape ``(q, 2, 4)``.
         gap: Gaps at q_m [m], shape ``(q, 4)``.
         branch: Branch vectors at q_m in a cell [m], shape ``(q, 2, 4)``; else no batches.
+        depth: Overlaps of two grains at the end of a step over the smaller radius, ``(q, 4)``.
         of_general: Rows of the general contacts of discs, as in `System`: bodies, frames, levers
             and impulses.
         face_order: Faces in the order of their sweep, shape ``(f,)``: a step makes batches of those
@@ -449,6 +450,7 @@ class Schedule(NamedTuple):
     before: Floats
     gap: Floats
     branch: Floats
+    depth: Floats
     inverse: Floats
     of_general: tuple[Ints, Floats, Floats, Floats]
     face_order: Ints
@@ -495,10 +497,10 @@ def schedule_contacts(
     made = arrange_contacts(scene, i, j, tile, wall_is_free, is_face)
     general, walls, batches = made.general, made.walls, made.slot.shape[0]
     rows, tiled = made.rows + 2 * (made.tile_start.size - 1), made.order.size - made.face_start[-1]
-    velocity, start, middle, frame, impulse, about, before, gap, branch = aligned_zeros(
+    velocity, start, middle, frame, impulse, about, before, gap, depth, branch = aligned_zeros(
         (rows, 4), (rows, 4), (rows, 4), (batches, FRAME_ROWS, LANES),
         (batches, IMPULSE_ROWS, LANES), (batches, ABOUT_ROWS, LANES),
-        (batches, IMPULSE_ROWS, LANES), (batches, LANES),
+        (batches, IMPULSE_ROWS, LANES), (batches, LANES), (batches, LANES),
         (batches if scene.height > 0.0 else 0, BRANCH_ROWS, LANES),
     )  # fmt: skip
     pair, lane = aligned((batches, PAIR_ROWS, LANES), np.int32), np.empty(i.size, np.int32)
@@ -510,8 +512,9 @@ def schedule_contacts(
     return Schedule(
         made.slot, pair, made.tile_start, made.color_start, general, walls,
         np.concatenate([walls, general]), lane, made.place, velocity, start, middle, frame, impulse,
-        about, before, gap, branch, np.empty((made.place.size + wall_is_free.size, 3)), of_general,
-        made.order[tiled:].copy(), made.bodies[tiled:].copy(), made.face_start, made.face_rest,
+        about, before, gap, branch, depth, np.empty((made.place.size + wall_is_free.size, 3)),
+        of_general, made.order[tiled:].copy(), made.bodies[tiled:].copy(), made.face_start,
+        made.face_rest,
     )  # fmt: skip
 
 

@@ -38,6 +38,7 @@ from multicor_cli.engine.geometry.pieces import Pieces, are_faces
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import inlined, kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
@@ -218,6 +219,33 @@ def deepest_overlap(scene: Scene, pieces: Pieces | None, i: Ints, j: Ints) -> fl
     for k in range(i.size):
         best = max(best, -true_gap(scene, pieces, i[k], j[k])[0] / scene.radius[i[k]])
     return best
+
+
+@kernel
+def deep_pairs(
+    depth: Floats, slot: Ints, of_walls: Ints, i: Ints, j: Ints, least: float
+) -> tuple[Ints, Ints, float]:
+    """Those of the pairs (i, j) that overlap by more than ``least``, and all with walls.
+
+    ``depth``, ``slot`` and ``of_walls`` are those of a `Schedule`. Also returns the largest overlap
+    of all others, over the smaller radius; 0 if there is none.
+    """
+    is_deep, found, below = np.zeros(i.size, np.bool_), of_walls.size, 0.0
+    for k in range(of_walls.size):
+        is_deep[of_walls[k]] = True
+    for q in range(depth.shape[0]):
+        for lane in range(LANES):
+            if depth[q, lane] > least:
+                is_deep[slot[q, lane]] = True
+                found += 1
+            else:
+                below = max(below, depth[q, lane])
+    first, second, at = np.empty(found, np.int32), np.empty(found, np.int32), 0
+    for c in range(i.size):
+        if is_deep[c]:
+            first[at], second[at] = i[c], j[c]
+            at += 1
+    return first, second, below
 
 
 _OF_SOME_LAWS = "attraction", "mu_r", "arm", "u_r", "p_r"
@@ -500,6 +528,11 @@ class Selection:
         are apart. Pieces of walls may turn or curve.
         """
         return deepest_overlap(scene, pieces, *self._walls_beside)
+
+    def deep_pairs(self, least: float) -> tuple[Ints, Ints, float]:
+        """As `deep_pairs` of a step of discs with walls, by what its lanes have been told."""
+        lanes = self.lanes
+        return deep_pairs(lanes.depth, lanes.slot, lanes.of_walls, self.i, self.j, least)
 
     def with_walls(self) -> tuple[Ints, Ints]:
         """The contacts, and the pairs of `overlap_beside`."""

@@ -270,14 +270,15 @@ SUMS = 11
 def end_scalar(
     first: int, last: int, middle: Floats, velocity: Floats, pair: Ints, about: Floats,
     frame: Floats, impulse: Floats, before: Floats, gap: Floats, half_step: float, period: float,
-    half: float, branch: Floats, xx: float, yy: float, xy: float,
+    half: float, branch: Floats, xx: float, yy: float, xy: float, depth: Floats,
 ) -> tuple[
     float, float, float, float, float, float, float, float, float, float, float
 ]:  # fmt: skip
     """What the contacts of two grains in batches ``first … last-1`` add to `SUMS`, lane by lane.
 
     ``velocity`` are v⁺; places at the end are q_m + ½Δt v⁺. Other arguments as `begin_scalar`:
-    ``branch`` has no elements but in a cell.
+    ``branch`` has no elements but in a cell. **Modifies** ``depth``: what contacts overlap at the
+    end, over the smaller radius; negative where they are apart, 0 in lanes of others.
     """
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     largest, deepest = 0.0, 0.0
@@ -287,6 +288,7 @@ def end_scalar(
         for batch in range(first, last):
             lane = np.uint64(LANES * batch + column)
             q, f, p, a = pair_place(lane), frame_place(lane), impulse_place(lane), about_place(lane)
+            depth[lane] = 0.0
             if about[a + _OURS] == 0.0:
                 continue
             i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
@@ -324,7 +326,8 @@ def end_scalar(
             s_yy += virial[3]
             loaded += 1.0 if p_n > 0.0 else 0.0
             largest = max(largest, p_n)
-            deepest = max(deepest, (radii - sqrt(dx * dx + dy * dy)) / about[a + _SMALLER])
+            depth[lane] = (radii - sqrt(dx * dx + dy * dy)) / about[a + _SMALLER]
+            deepest = max(deepest, depth[lane])
         sums = (
             sums[0] + friction, sums[1] + impact, sums[2] + sliding, sums[3] + negative,
             sums[4] + s_xx, sums[5] + s_xy, sums[6] + s_yx, sums[7] + s_yy, sums[8] + loaded,
@@ -337,7 +340,7 @@ def end_scalar(
 def end_batches(
     code: Writer, first: _Value, last: _Value, middle: _Value, velocity: _Value, pair: _Value,
     about: _Value, frame: _Value, impulse: _Value, before: _Value, gap: _Value,
-    half_step: _Value, period: _Value, half: _Value,
+    half_step: _Value, period: _Value, half: _Value, depth: _Value,
 ) -> list[_Value]:  # fmt: skip
     """As `end_scalar`."""
     period, half = code.spread(period), code.spread(half)
@@ -362,14 +365,14 @@ def end_batches(
 
         return _Geometry(ux, uy, spins, _nearest(dx, period, half), dy, radii, virial)
 
-    return _end(code, first, last, arrays, geometry)
+    return _end(code, first, last, arrays, depth, geometry)
 
 
 @vector_loop(results=SUMS)
 def end_stretched_batches(
     code: Writer, first: _Value, last: _Value, middle: _Value, velocity: _Value, pair: _Value,
     about: _Value, frame: _Value, impulse: _Value, before: _Value, gap: _Value,
-    half_step: _Value, branch: _Value, xx: _Value, yy: _Value, xy: _Value,
+    half_step: _Value, branch: _Value, xx: _Value, yy: _Value, xy: _Value, depth: _Value,
 ) -> list[_Value]:  # fmt: skip
     """As `end_scalar` in a cell."""
     stretch, half_step = Stretch(code, branch, (xx, yy, xy)), code.spread(half_step)
@@ -390,7 +393,7 @@ def end_stretched_batches(
         dx, dy = lx + half_step * ux, ly + half_step * uy
         return _Geometry(ux, uy, spins, dx, dy, radii, virial)
 
-    return _end(code, first, last, arrays, geometry)
+    return _end(code, first, last, arrays, depth, geometry)
 
 
 class _Geometry(NamedTuple):
@@ -406,7 +409,7 @@ class _Geometry(NamedTuple):
 
 
 def _end(
-    code: Writer, first: _Value, last: _Value, arrays: Sequence[_Value],
+    code: Writer, first: _Value, last: _Value, arrays: Sequence[_Value], depth: _Value,
     geometry: Callable[..., _Geometry],
 ) -> list[_Value]:  # fmt: skip
     middle, velocity, pair, about, frame, impulse, before, _ = arrays
@@ -424,7 +427,7 @@ def _end(
         u_n, u_t = ux * nx + uy * ny, uy * nx - ux * ny - spins
         impact, friction = -p_n * part * (was_n + u_n), -p_t * part * (was_t + u_t)
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
-        depth = (radii - (dx * dx + dy * dy).root()) / smaller
+        deep = (radii - (dx * dx + dy * dy).root()) / smaller
         added = (
             friction,
             impact,
@@ -433,9 +436,10 @@ def _end(
             *virial(px, py),
             p_n.where(">", zero, one, zero),
             p_n,
-            depth,
+            deep,
         )
         mine = [ours.where(">", zero, value, zero) for value in added]
+        code.fill(depth, batch, 1, {0: mine[OVERLAP]})
         sums = kept.get()
         kept.put(
             [
@@ -471,18 +475,18 @@ def _begin_vectors(
 def _end_vectors(
     first: int, last: int, middle: Floats, velocity: Floats, pair: Ints, about: Floats,
     frame: Floats, impulse: Floats, before: Floats, gap: Floats, half_step: float, period: float,
-    half: float, branch: Floats, xx: float, yy: float, xy: float,
+    half: float, branch: Floats, xx: float, yy: float, xy: float, depth: Floats,
 ) -> tuple[
     float, float, float, float, float, float, float, float, float, float, float
 ]:  # fmt: skip
     if branch.size:
         return end_stretched_batches(  # type: ignore[no-any-return]
             first, last, middle, velocity, pair, about, frame, impulse, before, gap, half_step,
-            branch, xx, yy, xy,
+            branch, xx, yy, xy, depth,
         )  # fmt: skip
     return end_batches(  # type: ignore[no-any-return]
         first, last, middle, velocity, pair, about, frame, impulse, before, gap, half_step, period,
-        half,
+        half, depth,
     )  # fmt: skip
 
 

@@ -62,12 +62,12 @@ _BATCHES = CHUNK // LANES
 @parallel_kernel
 def account_grains(
     middle: Floats, velocity: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
-    before: Floats, gap: Floats, branch: Floats, dt: float, period: float, xx: float, yy: float,
-    xy: float,
+    before: Floats, gap: Floats, branch: Floats, depth: Floats, dt: float, period: float, xx: float,
+    yy: float, xy: float,
 ) -> Floats:  # fmt: skip
     """What the contacts of two grains add to `SUMS`; arrays of `Schedule`, v⁺ in ``velocity``.
 
-    In a cell (xx, yy, xy) is its gradient at the end of the step.
+    In a cell (xx, yy, xy) is its gradient at the end of the step. **Modifies** ``depth``.
     """
     batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
     sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, SUMS))
@@ -81,6 +81,7 @@ def account_grains(
             chunk * _BATCHES, last, middle.reshape(-1), velocity.reshape(-1), pair.reshape(-1),
             about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
             gap.reshape(-1), 0.5 * dt, period, half, branch.reshape(-1), xx, yy, xy,
+            depth.reshape(-1),
         )  # fmt: skip
     total = np.zeros(SUMS)
     for chunk in range(sums.shape[0]):

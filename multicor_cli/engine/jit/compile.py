@@ -48,6 +48,29 @@ def _without_scipy() -> None:
 
 _without_scipy()
 
+
+def _from_the_start() -> None:
+    """Let indices that are computed count from the start of an array, as all of ours do.
+
+    Numba would ask each whether it is negative and counts from the end: a tenth of a step, as it
+    keeps loops from becoming vectors. Those written as a number still may (``start[-1]``). One that
+    is negative is found with ``NUMBA_BOUNDSCHECK=1``.
+    """
+    import numba.np.arrayobj as arrays
+    from llvmlite import ir
+
+    from_either_end = arrays.fix_integer_index
+
+    def from_the_start(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
+        if isinstance(index, ir.Constant):
+            return from_either_end(context, builder, kind, index, size)
+        return context.cast(builder, index, kind, types.intp)
+
+    arrays.fix_integer_index = from_the_start
+
+
+_from_the_start()
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs

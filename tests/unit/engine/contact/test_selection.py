@@ -212,16 +212,16 @@ def begin_one_by_one(
 
 
 @kernel
-def end_as_vectors(first, last, a, b, c, d, e, f, g, h, branch, step, period, half):
+def end_as_vectors(first, last, a, b, c, d, e, f, g, h, branch, depth, step, period, half):
     return vector_step.end_lanes(
-        first, last, a, b, c, d, e, f, g, h, step, period, half, branch, XX, YY, XY
+        first, last, a, b, c, d, e, f, g, h, step, period, half, branch, XX, YY, XY, depth
     )
 
 
 @kernel
-def end_one_by_one(first, last, a, b, c, d, e, f, g, h, branch, step, period, half):
+def end_one_by_one(first, last, a, b, c, d, e, f, g, h, branch, depth, step, period, half):
     return vector_step.end_scalar(
-        first, last, a, b, c, d, e, f, g, h, step, period, half, branch, XX, YY, XY
+        first, last, a, b, c, d, e, f, g, h, step, period, half, branch, XX, YY, XY, depth
     )
 
 
@@ -283,7 +283,10 @@ def test_contacts_end_with_the_bits_of_the_scalar_loop(columns):
     flat, count = [array.reshape(-1) for array in arrays], len(lanes.gap)
     for first, last in ((0, count), (count // 3, count // 2)):
         for period in periods:
-            sums = end_as_vectors(first, last, *flat, 0.5 * DT, *period)
-            assert sums == end_one_by_one(first, last, *flat, 0.5 * DT, *period)
+            depth, twin = np.full(4 * count, np.nan), np.full(4 * count, np.nan)
+            sums = end_as_vectors(first, last, *flat, depth, 0.5 * DT, *period)
+            assert sums == end_one_by_one(first, last, *flat, twin, 0.5 * DT, *period)
+            assert depth.tobytes() == twin.tobytes()
+            assert np.nanmax(depth) == sums[vector_step.OVERLAP]
             assert sums[vector_step.LOADED] > 0.0
             assert sums[vector_step.LARGEST] > 0.0
