@@ -8,25 +8,14 @@ from contextlib import contextmanager
 import numpy as np
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.engine.contact.contacts import (
-    Contacts,
-)
-from multicor_cli.engine.contact.faces import (
-    closed_beyond,
-    stop_rebounds,
-)
+from multicor_cli.engine.contact.contacts import Contacts
+from multicor_cli.engine.contact.faces import closed_beyond, stop_rebounds
 from multicor_cli.engine.contact.rolling import couples_of
 from multicor_cli.engine.contact.selection import Selection
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, solve_system
-from multicor_cli.engine.contact.system import (
-    Moved,
-)
+from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS
-from multicor_cli.engine.energy.account import (
-    ContactSums,
-    book_step,
-    open_books,
-)
+from multicor_cli.engine.energy.account import ContactSums, book_step, open_books
 from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.threads import use_threads
@@ -126,7 +115,7 @@ class Mechanics:
     def with_table(self) -> Moved | None:
         """What the last step left, contacts of two grains in the table."""
         if self.moved is not None and not self._has_table:
-            self.contacts.tabulate()
+            self.layout.selection.tabulate()
             self._has_table = True
         return self.moved
 
@@ -148,7 +137,7 @@ class Mechanics:
 
     # ---- A step
 
-    def move(
+    def advance(
         self, dt: float, t: float, temperature: Floats, should_stop: Callable[[], bool] | None
     ) -> StepReport:
         """The mechanics of a step. Until the contacts are solved nothing of the state changes.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -115,3 +115,9 @@ class PhysicsError(Exception):
 
 class Interrupted(Exception):
     """The step was abandoned because a signal asked for it; nothing has been changed."""
+
+
+def stop_if_asked(should_stop: Callable[[], bool] | None) -> None:
+    """Raise `Interrupted` if a stop has been requested."""
+    if should_stop is not None and should_stop():
+        raise Interrupted

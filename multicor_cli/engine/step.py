@@ -156,7 +156,7 @@ class Engine:
             report = (
                 self._stand_still()
                 if is_frozen
-                else self.mechanics.move(dt, t, self._temperature(t), should_stop)
+                else self.mechanics.advance(dt, t, self._temperature(t), should_stop)
             )
             self._pass_heat(dt, t, should_stop)
             if self.model.sheds:
@@ -220,7 +220,7 @@ class Engine:
             )
         mechanics = self.mechanics
         with mechanics.next_contacts(dt, t, self._temperature(t)) as (scene, contacts):
-            mechanics.contacts.tabulate()
+            mechanics.layout.selection.tabulate()
             start = np.column_stack([contacts["p_n"], contacts["p_t"]])
         inverse, free = mechanics.motion.inverse, mechanics.layout.free
         if mechanics.laws.adhesion.size:

@@ -51,7 +51,7 @@ from multicor_cli.engine.motion.layout import Layout
 from multicor_cli.engine.motion.prediction import Prediction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import SURFACE
-from multicor_cli.model.model import ContactLaws, Floats, Model
+from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 
 NEAREST = 0.01
 """Gap up to which points of pairs with corners always count, over the mean diameter."""
@@ -177,7 +177,7 @@ class StepContacts:
         if laws.softening_rate.size or laws.table_speed.size or laws.flash_speed.size:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
-            self.tabulate()
+            selection.tabulate()
         attraction = self._begin_adhesion(scene, step.pieces, dt) if laws.adhesion.size else 0.0
         if laws.rolling.size:
             row = warm_rows(layout.model.grain_count, state.contact_i)
@@ -234,10 +234,6 @@ class StepContacts:
             layout.model.shape_factor, self.laws.rolling.size > 0, layout.pieces is not None,
         )  # fmt: skip
 
-    def tabulate(self) -> None:
-        """Contacts of two grains into the table: for laws and results that look at it."""
-        self.layout.selection.tabulate()
-
     def _gradient(self, bodies: Floats) -> tuple[float, float, float]:
         """That of a cell, by the velocities of all bodies; else zeros."""
         if not self.model.is_cell:
@@ -259,7 +255,7 @@ class StepContacts:
         laws, selection = self.laws, self.layout.selection
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
-            self.tabulate()
+            selection.tabulate()
             keep_bridges(end, pieces, laws, contacts, self.layout.state)
             of_discs = np.ones(contacts.size, np.bool_)
             of_discs[selection.faces.rows] = False

@@ -15,7 +15,6 @@
 | … and | `W_NT`, `W_TT` [1/kg], `SLIDE` = s_j that is taken from u_t [m/s] |
 | geometry of wall shapes (`shapes.SHAPES`) | `X`, `Y`; discs, circles: `RADIUS` |
 | … other shapes | `X`, `Y`, `TAIL_X`, `TAIL_Y` |
-| rolling resistance | `LIMIT` = μ_r, `ARM` = a* [m], `BEFORE` = u_r⁻ [m/s], `COUPLE` = p_r [N s] |
 | heat of contacts | `FRICTION`, `IMPACT` [J] |
 | heat of walls | `GIVEN` to grains by conduction, `RECEIVED` from friction and impacts [J] |
 
@@ -38,8 +37,6 @@ NX, NY, BIAS, MU = 0, 1, 3, 4
 GAP = MASS = W_NN = 2
 W_NT, W_TT, SLIDE = 5, 6, 7
 """Normal, bias and friction have the same columns in the frames of all kinds of contacts."""
-
-LIMIT, ARM, BEFORE, COUPLE = 0, 1, 2, 3
 
 RADIUS = 2
 TAIL_X, TAIL_Y = 2, 3

@@ -141,7 +141,7 @@ def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
         force = ContactForce("prescribed", heat.force.prescribed)
     return heat.as_record(
         HeatSettings,
-        laws=laws_of_scenario(scenario, model.materials),
+        laws=heat_laws_of(scenario, model.materials),
         force=force,
         mechanisms=tuple(
             table.as_record(MECHANISMS[key]) for key, table in heat.mechanisms.items()
@@ -149,7 +149,7 @@ def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
     )
 
 
-def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
+def heat_laws_of(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
     """Thermal properties of materials, in the model's order, and of their pairs: `heat_laws`."""
     from multicor_cli.engine.heat.settings import heat_laws
 

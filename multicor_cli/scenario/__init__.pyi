@@ -7,6 +7,5 @@ from .scenario import parse_scenario as parse_scenario
 from .stage_drives import StageDrives as StageDrives
 from .stage_drives import stage_drives as stage_drives
 from .tables import scenario_schema as scenario_schema
-from .tables import schema_text as schema_text
 from .templates import TEMPLATES as TEMPLATES
 from .templates import new_scenario as new_scenario

@@ -7,7 +7,6 @@ and ``end``, and ``variables``.
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
@@ -211,11 +210,6 @@ def scenario_schema() -> dict[str, Any]:
         **{key: value for key, value in schema.items() if key != "title"},
         "anyOf": [{"required": ["particles"]}, {"required": ["start"]}],
     }
-
-
-def schema_text() -> str:
-    """The schema as the text of ``schema/multicor.schema.json``."""
-    return json.dumps(scenario_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
 def _plain(node: Any) -> Any:

@@ -36,7 +36,7 @@ from multicor_cli.engine.contact.patches import (
 )
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.jit.threads import threads_in_use, use_threads
-from multicor_cli.engine.orders import Interrupted, PhysicsError, Settings
+from multicor_cli.engine.orders import PhysicsError, Settings, stop_if_asked
 from multicor_cli.model.model import Floats
 
 # ---- One thread or several: whichever was faster lately; results do not depend on it
@@ -275,7 +275,7 @@ def solve_system(
                     )  # fmt: skip
                 keep_in_mind(system, met)
                 begin_again(system, momentum, is_clustered, loop)
-            _ask(should_stop)
+            stop_if_asked(should_stop)
     finally:
         use_threads(outside)  # the caller may have chosen it
     return Outcome(
@@ -285,11 +285,6 @@ def solve_system(
         float(loop["maximum"] / scale.velocity),
         float(loop["energy"] / scale.energy),
     )
-
-
-def _ask(should_stop: Callable[[], bool] | None) -> None:
-    if should_stop is not None and should_stop():
-        raise Interrupted
 
 
 TURNS, SWEEPS, FUTILE = 40, 10, 12
@@ -310,7 +305,7 @@ def _take_turns(
     """
     loop, best, since = memory[0], np.inf, 0
     for _ in range(TURNS):
-        _ask(should_stop)
+        stop_if_asked(should_stop)
         if not solve_patch(system, contact) or is_converged(system, tolerance, loop, parallel):
             return
         best, since = (loop["rms"], 0) if loop["rms"] < GAIN * best else (best, since + 1)

@@ -23,7 +23,7 @@ from multicor_cli.engine.contact.rolling import couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
 from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.arrays import CHUNK, aligned
+from multicor_cli.engine.jit.arrays import CHUNK, aligned, copy_row
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
@@ -144,8 +144,8 @@ def pack_bodies(
     for chunk in prange((bodies + CHUNK - 1) // CHUNK):
         for b in range(chunk * CHUNK, min(bodies, (chunk + 1) * CHUNK)):
             row = np.int64(place[b]) if b < grains else np.int64(b)
-            for d in range(4):
-                velocity[row, d], start[row, d] = free[b, d], before[b, d]
+            copy_row(velocity, row, free, b)
+            copy_row(start, row, before, b)
             if b < grains:
                 middle[row, X], middle[row, Y] = scene.position[b, X], scene.position[b, Y]
                 middle[row, RADIUS] = scene.radius[b]
@@ -269,8 +269,7 @@ def unpack_bodies(velocity: Floats, place: Ints, belt: Floats, walls: int) -> Fl
     after = np.empty((grains + walls, 4))
     for chunk in prange((grains + CHUNK - 1) // CHUNK):
         for b in range(chunk * CHUNK, min(grains, (chunk + 1) * CHUNK)):
-            for d in range(4):
-                after[b, d] = velocity[place[b], d]
+            copy_row(after, b, velocity, place[b])
     for w in range(walls):
         for d in range(3):
             after[grains + w, d] = velocity[grains + w, d]
@@ -318,7 +317,7 @@ def carried(
         first[found], second[found] = i[c], j[c]
         known[found, NORMAL], known[found, TANGENTIAL] = p_n, p_t
         found += p_n > 0.0
-    return first[:found].copy(), second[:found].copy(), known[:found].copy()
+    return first[:found], second[:found], known[:found]
 
 
 # ---- The problem of a step

@@ -41,10 +41,10 @@ from multicor_cli.engine.heat.rates import (
     Rates,
     rates_at,
     solve_linear,
-    stop_if_asked,
     try_euler,
 )
 from multicor_cli.engine.heat.walls import WallValues
+from multicor_cli.engine.orders import stop_if_asked
 from multicor_cli.model.model import Floats
 
 EULER = 10.0

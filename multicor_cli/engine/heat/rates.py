@@ -7,7 +7,6 @@ signs to the two ends, so heat is conserved to round-off whatever the temperatur
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +15,6 @@ import numpy as np
 from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.jit.compile import kernel, subroutine
-from multicor_cli.engine.orders import Interrupted
 from multicor_cli.model.model import Floats, Ints
 
 OUTSIDE_BOOKS = ("from_ambient", "from_surroundings")
@@ -293,9 +291,3 @@ class Flow:
         """Count a sub-step of this estimated error, over the spread of the temperatures."""
         self.sub_steps += 1
         self.error = max(self.error, error)
-
-
-def stop_if_asked(should_stop: Callable[[], bool] | None) -> None:
-    """Raise `Interrupted` if a stop has been requested."""
-    if should_stop is not None and should_stop():
-        raise Interrupted

@@ -65,6 +65,16 @@ def copy_into(target: NDArray[Any], source: NDArray[Any]) -> None:
         target[k] = source[k]
 
 
+@loop_body
+def copy_row(target: Floats, row: int, source: Floats, other: int) -> None:
+    """Write row ``other`` of ``source`` over a row of ``target``, of four columns: as one vector.
+
+    All four are read before any is written, since the compiler cannot know that arrays are apart.
+    """
+    a, b, c, d = source[other, 0], source[other, 1], source[other, 2], source[other, 3]
+    target[row, 0], target[row, 1], target[row, 2], target[row, 3] = a, b, c, d
+
+
 # ---- `multicor_cli.arithmetic.sums` compiled, for what is summed in every step: the same bits
 
 

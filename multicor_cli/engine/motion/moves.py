@@ -23,33 +23,32 @@ def predict(
     infinite if a number is not finite or absurd.
     """
     count, half = radius.size, 0.5 * dt
+    fall_x, fall_y = dt * gravity[X], dt * gravity[Y]
     largest = np.zeros((count + CHUNK - 1) // CHUNK)
     for chunk in prange(largest.size):
         far = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            for d in range(3):
-                middle[i, d] = position[i, d] + half * velocity[i, d]
-            vx, vy = velocity[i, X], velocity[i, Y]
-            start[i, X], start[i, Y] = vx, vy
-            start[i, SURFACE], start[i, INVERSE_MASS] = radius[i] * velocity[i, SPIN], 1.0 / mass[i]
-            fx, fy = vx + dt * gravity[X], vy + dt * gravity[Y]
+            # All is read before any is written: in vectors, then
+            vx, vy, spin = velocity[i, X], velocity[i, Y], velocity[i, SPIN]
+            x, y = position[i, X] + half * vx, position[i, Y] + half * vy
+            angle, surface, lightness = (
+                position[i, ANGLE] + half * spin,
+                radius[i] * spin,
+                1.0 / mass[i],
+            )
+            fx, fy = vx + fall_x, vy + fall_y
+            middle[i, X], middle[i, Y], middle[i, ANGLE] = x, y, angle
+            start[i, X], start[i, Y], start[i, SURFACE], start[i, INVERSE_MASS] = (
+                vx, vy, surface, lightness,
+            )  # fmt: skip
             free[i, X], free[i, Y], free[i, SURFACE], free[i, INVERSE_MASS] = (
-                fx,
-                fy,
-                start[i, SURFACE],
-                start[i, INVERSE_MASS],
-            )
+                fx, fy, surface, lightness,
+            )  # fmt: skip
             square = max(vx * vx + vy * vy, fx * fx + fy * fy)
-            size = (
-                np.sqrt(square)
-                + abs(start[i, SURFACE])
-                + abs(middle[i, X])
-                + abs(middle[i, Y])
-                + abs(middle[i, ANGLE])
-            )
+            size = np.sqrt(square) + abs(surface) + abs(x) + abs(y) + abs(angle)
             if not size <= LARGEST:  # or nan
                 far = np.inf
-            far = max(far, abs(middle[i, X]), abs(middle[i, Y]))
+            far = max(far, abs(x), abs(y))
         largest[chunk] = far
     far = 0.0
     for chunk in range(largest.size):
@@ -83,12 +82,14 @@ def move(
     for chunk in prange(sums.shape[0]):
         kinetic, gravity_work = 0.0, 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            vx, vy, s = after[i, X], after[i, Y], after[i, SURFACE]
-            velocity[i, X], velocity[i, Y] = vx, vy
-            if s != radius[i] * velocity[i, SPIN]:  # an untouched spin keeps its bits
-                velocity[i, SPIN] = s / radius[i]
-            for d in range(3):
-                position[i, d] = middle[i, d] + half * velocity[i, d]
+            vx, vy, s, spin = after[i, X], after[i, Y], after[i, SURFACE], velocity[i, SPIN]
+            if s != radius[i] * spin:  # an untouched spin keeps its bits
+                spin = s / radius[i]
+            x, y, angle = (
+                middle[i, X] + half * vx, middle[i, Y] + half * vy, middle[i, ANGLE] + half * spin,
+            )  # fmt: skip
+            velocity[i, X], velocity[i, Y], velocity[i, SPIN] = vx, vy, spin
+            position[i, X], position[i, Y], position[i, ANGLE] = x, y, angle
             square = vx * vx + vy * vy
             kinetic += 0.5 * mass[i] * (square + s * s / spin_factor)
             work = gravity[X] * (start[i, X] + vx) + gravity[Y] * (start[i, Y] + vy)

@@ -17,7 +17,7 @@ from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.engine.orders import Settings
 from multicor_cli.packing import build
-from multicor_cli.running.from_scenario import heat_settings, laws_of_scenario, make_plan, wall_heat
+from multicor_cli.running.from_scenario import heat_laws_of, heat_settings, make_plan, wall_heat
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.heat import Heat, MechanismTable
 from multicor_cli.scenario.settings import Solver
@@ -33,14 +33,14 @@ def heated():
 
 
 def laws_of(*overrides, names=NAMES):
-    return laws_of_scenario(parse_scenario(HEATED, "heated.toml", overrides), names)
+    return heat_laws_of(parse_scenario(HEATED, "heated.toml", overrides), names)
 
 
 def test_a_scenario_without_heat_has_no_settings():
     scenario = cold_scenario("particles.0.count=10")
     assert heat_settings(scenario, build(scenario)[0]) is None
     with pytest.raises(ValueError, match="no heat laws"):
-        laws_of_scenario(scenario, ("glass",))
+        heat_laws_of(scenario, ("glass",))
 
 
 def test_choices_are_handed_on(heated):
