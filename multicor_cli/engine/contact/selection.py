@@ -227,8 +227,8 @@ def deep_pairs(
 ) -> tuple[Ints, Ints, float]:
     """Those of the pairs (i, j) that overlap by more than ``least``, and all with walls.
 
-    ``depth``, ``slot`` and ``of_walls`` are those of a `Schedule`. Also returns the largest overlap
-    of all others, over the smaller radius; 0 if there is none.
+    ``least`` is not negative; ``depth``, ``slot`` and ``of_walls`` are those of a `Schedule`. Also
+    returns the largest overlap of all others, over the smaller radius; 0 if there is none.
     """
     is_deep, found, below = np.zeros(i.size, np.bool_), of_walls.size, 0.0
     for k in range(of_walls.size):

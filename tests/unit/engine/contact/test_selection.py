@@ -97,6 +97,31 @@ def test_the_table_of_a_step_is_that_of_its_geometry_and_velocities():
     assert (table.impulse[both, 0] > 0.0).sum() > 20
 
 
+@pytest.mark.parametrize("least", [0.0, 1e-4])
+def test_which_pairs_overlap_at_the_end_of_a_step_is_known_from_its_lanes(least):
+    """Beside all pairs at q⁺ before it is corrected, in NumPy; all with walls are among them."""
+    engine, found = shear_engine(columns=10, rows=6), 0
+    for step in range(60):
+        engine.step(DT, step * DT)
+        selection, (_, _, after, *_) = engine.mechanics.layout.selection, engine.mechanics.moved
+        n, i, j = engine.model.grain_count, selection.pair_i, selection.pair_j
+        both, grain = j < n, engine.mechanics.layout.middle[:, :2] + 0.5 * DT * after[:n, :2]
+        apart = grain[i[both]] - grain[j[both]]
+        apart[:, 0] -= engine.model.period * np.floor(apart[:, 0] / engine.model.period + 0.5)
+        radius = engine.model.grains.radius
+        first, second = radius[i[both]], radius[j[both]]
+        depth = (first + second - np.hypot(*apart.T)) / np.minimum(first, second)
+        deep, clear = np.ones((2, i.size), np.bool_)  # the last bits of those that are not: open
+        deep[both], clear[both] = depth > least, np.abs(depth - least) > 1e-13
+        pairs_i, pairs_j, below = selection.deep_pairs(least)
+        key, chosen = i.astype(np.int64) << 32 | j, pairs_i.astype(np.int64) << 32 | pairs_j
+        assert (np.diff(chosen) > 0).all()
+        assert np.isin(key, chosen)[clear].tolist() == deep[clear].tolist()
+        assert below == pytest.approx(max(0.0, depth[~(depth > least)].max(initial=0.0)), abs=1e-13)
+        found += int((depth > least).sum())
+    assert found > 2
+
+
 @pytest.mark.parametrize("law", [{}, {"restitution": 0.5}, {"adhesion": 1.0}, {"rolling": 0.3}])
 def test_a_state_goes_on_to_the_same_bits_wherever_it_is_taken_up(law):
     engine = shear_engine(columns=8, rows=6, **law)
