@@ -19,7 +19,7 @@ HARD = {
 }  # fmt: skip
 """Kernels that only some steps need."""
 
-OVERLAPPED = {"both_ways", "push_apart"}
+OVERLAPPED = {"deep_pairs", "both_ways", "push_apart"}
 """Kernels that only steps with overlaps need."""
 
 LOADED = {"totals_of_places", "_conduct_sides"}
