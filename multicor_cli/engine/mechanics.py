@@ -229,7 +229,7 @@ class Mechanics:
 
         begun = plain.begin(layout, step, motion, self.laws, is_loaded=is_loaded)
         if begun is None:
-            self.contacts.select(step)
+            self.contacts.select(step, closes=plain.closes)
             self.clock.stop("detect")
         struck = _NOBODY if step.flight is None else step.flight.struck
         began, margin, ended = state.position[struck] if struck.size else _NONE, 0.0, None

@@ -57,6 +57,8 @@ _NO_TEMPERATURE, _NOBODY, _NOTHING = np.empty(0), np.empty(0, np.bool_), np.zero
 _NO_IMPACTS = Impacts(np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, COLUMNS)))
 # Of what `_begin` leaves: gap up to which the list is complete, sums, if there is what to solve
 _COMPLETE, _SPEEDS, _IS_SOLVED = 0, 1, 7
+# What `_begin` says: contacts are ready, another pair closes, or the list may lack one that does
+_READY, _CLOSES, _UNKNOWN = range(3)
 # Of what `_end` leaves
 _IS_DONE, _CUTOFF, _FASTEST, _KINETIC, _GRAVITY_WORK, _BESIDE, _ADHESION_WORK = range(7)
 
@@ -71,8 +73,8 @@ def _begin(
     is_free: NDArray[np.bool_], wall_inverse: Floats, cutoff: float, dt: float, ratio: float,
     is_loaded: bool, are_sought: bool, flying: NDArray[np.bool_] | None, more: Floats,
     result: Floats,
-) -> bool:  # fmt: skip
-    """The contacts (i, j), ready to be solved; False if others may be needed.
+) -> int:  # fmt: skip
+    """The contacts (i, j), ready to be solved, unless others may be needed: one of the three above.
 
     That is not looked at where they have just been sought; (beside_i, beside_j) are the listed
     pairs beside them. Arrays as in `Schedule` and `System`, which are **modified**. Impacts have
@@ -87,9 +89,9 @@ def _begin(
         result[_COMPLETE] = complete
         pairs, ahead = (scene, None, beside_i, beside_j), AHEAD * dt
         if complete < cutoff:
-            return False
+            return _UNKNOWN
         if call(_find_closing, kernels, (*pairs, bodies, free, cutoff, ahead, 0.0))[0]:
-            return False
+            return _CLOSES
     call(_pack, kernels, (scene, bodies, free, place, s.velocity, start, middle))
     grains = call(
         _begin_grains, kernels,
@@ -128,7 +130,7 @@ def _begin(
          s.general_lever, s.general_impulse),
     )  # fmt: skip
     call(add_impulses, kernels, (s,))
-    return True
+    return _READY
 
 
 @kernel
@@ -229,10 +231,15 @@ class Ended(NamedTuple):
 
 
 class PlainSteps:
-    """Takes steps with kernels that a step with Python between them has called before."""
+    """Takes steps with kernels that a step with Python between them has called before.
+
+    Attributes:
+        closes: Whether a pair that is no contact is known to close, where `begin` has given None.
+    """
 
     def __init__(self) -> None:
         self._kernels, self._has_flights = np.empty((0, 2), np.int64), False
+        self.closes = False
 
     def knows(self, *, rebounds: bool) -> bool:
         """Whether there has been a step to `learn` from, of grains that may rebound or do not."""
@@ -270,7 +277,7 @@ class PlainSteps:
         Returns sums over its contacts, and whether there is anything to solve; None if contacts are
         to be sought first. ``is_loaded`` says whether anything pushes grains together.
         """
-        selection, state, flight = layout.selection, layout.state, step.flight
+        selection, state, flight, self.closes = layout.selection, layout.state, step.flight, False
         flying, more = (_NOBODY if self._has_flights else None), _NOTHING
         if flight is not None:
             flying, more = flight.flying, np.array(flight.speeds)
@@ -281,7 +288,7 @@ class PlainSteps:
         lanes, result = selection.lanes, np.empty(8)
         ratio = step.dt / state.last_dt if state.last_dt > 0.0 else 0.0
         reference, world, extent, distance, listed = layout.pairs.made_at
-        is_ready = _begin(
+        how = _begin(
             self._kernels, selection.system(layout.model.shape_factor), step.scene, laws,
             lanes.place, lanes.start, lanes.middle, lanes.about, lanes.before, lanes.gap,
             lanes.branch, lanes.of_walls, lanes.walls, lanes.lane, lanes.general,
@@ -290,12 +297,11 @@ class PlainSteps:
             motion.is_free, motion.inverse, step.cutoff, step.dt, ratio, is_loaded, are_sought,
             flying, more, result,
         )  # fmt: skip
-        if not is_ready:
-            return None
         complete, *speeds, is_solved = result.tolist()
         if not are_sought:
             layout.pairs.complete = complete
-        return Speeds(*speeds), bool(is_solved)
+        self.closes = how == _CLOSES
+        return (Speeds(*speeds), bool(is_solved)) if how == _READY else None
 
     def end(
         self, layout: Layout, step: Prediction, motion: WallMotion, *, is_enough: bool

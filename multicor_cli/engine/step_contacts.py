@@ -100,16 +100,21 @@ class StepContacts:
         """Gap up to which all points of pairs with corners count [m]."""
         return max(NEAREST * self.layout.model.mean_diameter, longest_reach(self.laws))
 
-    def select(self, step: Prediction) -> None:
-        """The contacts of the state, or others if a pair that is none of them may close."""
+    def select(self, step: Prediction, *, closes: bool = False) -> None:
+        """The contacts of the state, or others if a pair that is none of them may close.
+
+        If it is not known already that one ``closes``: then the list has been looked at, too.
+        """
         layout, scene = self.layout, step.scene
-        reach = longest_reach(self.laws)
-        layout.selection.take(layout.state)
-        layout.pairs.update(scene, step.cutoff)
-        cutoff = self.far(step, step.cutoff, layout.before)
-        if layout.selection.closing(
-            scene, step.pieces, layout.before, layout.free, cutoff, AHEAD * step.dt, reach
-        )[0]:
+        if not closes:
+            layout.selection.take(layout.state)
+            layout.pairs.update(scene, step.cutoff)
+            closes, _ = layout.selection.closing(
+                scene, step.pieces, layout.before, layout.free,
+                self.far(step, step.cutoff, layout.before), AHEAD * step.dt,
+                longest_reach(self.laws),
+            )  # fmt: skip
+        if closes:
             self.seek(step)
         self.select_impacts(step)
 

@@ -34,7 +34,8 @@ BINS = 20
 _NOISE = 1e-6
 """Part of the forces of a contact below which what presses it together is rounding."""
 
-# ---- μ of each contact
+# ---- μ of each contact: as `engine.contact.contacts.friction_between`, over arrays. Reading a run
+#      loads no kernels.
 
 
 def laws_over_time(source: Run) -> Callable[[Frame], ContactLaws]:

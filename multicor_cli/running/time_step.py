@@ -6,7 +6,7 @@ size, and Δt to the time 1/γ̇ of one unit of strain. The second one is the sl
 over the diameter. It is also the angle by which contacts turn in a step, and so the curvature that
 a step cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid
 grains are kept apart at any step. What walls, loads and gravity are told to do is sampled once in a
-step, so their periods limit it, too.
+step, so their periods limit it, too. A step that the scenario gives does not pass here.
 """
 
 from __future__ import annotations

@@ -366,11 +366,12 @@ class Selection:
     def seek(self, scene: Scene, pieces: Pieces | None, margin: float, gap: Floats) -> None:
         """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`; ``pieces`` as they lie.
 
-        ``gap`` is from `look`.
+        ``gap`` is from `look`; the list has been looked at in this scene.
         """
         pairs, diameter = self._pairs, self._model.mean_diameter
         margin, builds = max(margin, SKIN * diameter), pairs.builds
-        pairs.update(scene, margin)
+        if margin > pairs.complete:
+            pairs.update(scene, margin)
         if pieces is not None:
             i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
             self._set(i, j, lay_tiles(scene, span_of(scene, i, j), diameter), room)

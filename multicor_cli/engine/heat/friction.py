@@ -4,7 +4,8 @@ Formulas: the energy lost in a step, ``−p_t ½(u_t⁻ + u_t⁺)`` and ``−p_n
 ``Q = μ F_n |u_t|`` (both derived: the work of Coulomb's law).
 
 Validity: the power is that of a contact that slides with the velocity u_t all through the step.
-Temperatures are those of grains; the spot itself may be much hotter for an instant.
+Temperatures are those of grains; the spot itself may be much hotter for an instant. The law of
+friction is elsewhere: `contact/law.py`, and μ in `contact/contacts.py`.
 """
 
 from __future__ import annotations

@@ -53,20 +53,22 @@ def _from_the_start() -> None:
     """Let indices that are computed count from the start of an array, as all of ours do.
 
     Numba would ask each whether it is negative and counts from the end: a tenth of a step, as it
-    keeps loops from becoming vectors. Those written as a number still may (``start[-1]``). One that
-    is negative is found with ``NUMBA_BOUNDSCHECK=1``.
+    keeps loops from becoming vectors. A single one that is written as a number still may, as in
+    ``start[-1]``. ``NUMBA_BOUNDSCHECK=1`` finds one that is computed and negative. (A Numba that
+    asks elsewhere goes on asking: nothing but time is lost.)
     """
     import numba.np.arrayobj as arrays
     from llvmlite import ir
 
-    from_either_end = arrays.fix_integer_index
+    from_either_end = getattr(arrays, "fix_integer_index", None)
 
     def from_the_start(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
         if isinstance(index, ir.Constant):
             return from_either_end(context, builder, kind, index, size)
         return context.cast(builder, index, kind, types.intp)
 
-    arrays.fix_integer_index = from_the_start
+    if from_either_end is not None:
+        arrays.fix_integer_index = from_the_start
 
 
 _from_the_start()
