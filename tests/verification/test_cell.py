@@ -164,7 +164,8 @@ def test_two_discs_meet_across_a_side_as_anywhere(across, tilt):
      {"shapes": FACES}, {"shapes": FACES, "restitution": 0.5}, {"shapes": FACES, "adhesion": 0.5, "wet": True, "rolling": 0.2}],
 )  # fmt: skip
 def test_energy_is_accounted_for(order, laws):
-    model, state = loose_cell(80, solid_fraction=0.7, **laws)
+    """Of cells that never jam: rigid grains in one that shrinks all the same have no solution."""
+    model, state = loose_cell(80, solid_fraction=0.6, **laws)
     state.velocity[:, :2] = np.random.default_rng(2).normal(size=(80, 2))
     flow(model, state, orders(*order), 8.0)
     books = state.named("books")
