@@ -60,15 +60,16 @@ def _from_the_start() -> None:
     import numba.np.arrayobj as arrays
     from llvmlite import ir
 
-    from_either_end = getattr(arrays, "fix_integer_index", None)
+    if not hasattr(arrays, "fix_integer_index"):
+        return
+    from_either_end = arrays.fix_integer_index
 
     def from_the_start(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
         if isinstance(index, ir.Constant):
             return from_either_end(context, builder, kind, index, size)
         return context.cast(builder, index, kind, types.intp)
 
-    if from_either_end is not None:
-        arrays.fix_integer_index = from_the_start
+    arrays.fix_integer_index = from_the_start
 
 
 _from_the_start()

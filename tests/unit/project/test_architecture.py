@@ -1,6 +1,7 @@
 """The packages are as docs/explanation/architecture.md says: contracts about imports, and a table
 with every package."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -37,3 +38,31 @@ def test_unit_tests_follow_the_packages():
     assert {
         path.parent.relative_to(folder).as_posix() for path in folder.rglob("*.py")
     } <= LISTED | {"project"}
+
+
+def imports_of(path, modules):
+    """Modules of the package that a file names, wherever in it: for types, or when it is needed."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                name = f"{node.module}.{alias.name}"
+                yield name if name in modules else node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_no_modules_need_each_other():
+    """Whoever reads one can read what it needs first: peeled off from below, none is left."""
+    files = sorted((ROOT / "multicor_cli").rglob("*.py"))
+    modules = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in files
+    }
+    needs = {
+        name: set(imports_of(path, modules)) & modules.keys() - {name}
+        for name, path in modules.items()
+    }
+    while needs:
+        free = {name for name, others in needs.items() if not others & needs.keys()}
+        assert free, f"in circles: {sorted(needs)}"
+        needs = {name: others for name, others in needs.items() if name not in free}
