@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from methods.operators import Log, copy_impulses, kernel, record, sweep_backward
-from multicor_cli.engine.contact.acceleration import move_on, start_loop, start_momentum
+from multicor_cli.engine.contact.acceleration import Momentum, move_on, start_loop
 from multicor_cli.engine.contact.sweep import (
     EXACT,
     Before,
@@ -128,7 +128,8 @@ def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> in
         int(parameters[2]),
         int(parameters[3]),
     )
-    m, memory, partial = start_momentum(s), start_loop(1), np.empty((s.tile_start.size - 1, 2))
+    m = Momentum(s.velocity[: s.inverse.shape[0]].copy(), copy_impulses(s))
+    memory, partial = start_loop(1), np.empty((s.tile_start.size - 1, 2))
     spare, near, loop = copy_impulses(s), np.empty(s.slot.size, np.int32), memory[0]
     count, work = 0, 0.0
     for number in range(iterations):
