@@ -250,8 +250,8 @@ def book_step(
         state.wall_velocity, motion.driven, motion.mass, motion.load, motion.stiffness,
         motion.damping, motion.weight, motion.belt_before, motion.belt, sums.wall_impulse,
         sums.belt_impulse, sums.total, kinetic, gravity_work, correction, outcome, dt,
-        _brought_in(state) + gained, state.step + 1,
     )  # fmt: skip
+    _close(state.books, _brought_in(state) + gained, state.step + 1)
 
 
 def _enter_adhesion(state: State, sums: ContactSums) -> float:
@@ -273,7 +273,7 @@ def _enter(
     after: Floats, driven: NDArray[np.bool_], mass: Floats, load: Floats, stiffness: Floats,
     damping: Floats, weight: Floats, belt_before: Floats, belt: Floats, wall_impulse: Floats,
     belt_impulse: Floats, sums: Floats, kinetic: float, gravity: float, correction: Correction,
-    outcome: Outcome, dt: float, brought: float, steps: int,
+    outcome: Outcome, dt: float,
 ) -> None:  # fmt: skip
     _enter_walls(
         books, before, after, driven, mass, load, stiffness, damping, weight, belt_before, belt,
@@ -283,7 +283,6 @@ def _enter(
     for w in range(wall_impulse.shape[0]):
         for d in range(3):
             window_wall_impulse[w, d] += wall_impulse[w, d]
-    _close(books, brought, steps)
 
 
 @subroutine
@@ -325,7 +324,7 @@ def _enter_walls(
     books[_TERMS] += terms
 
 
-@subroutine
+@kernel
 def _close(books: Floats, brought: float, steps: int) -> None:
     """Strike the balance: an imbalance over the terms, or a share of the energy (theory §8)."""
     works = books[_GRAVITY] + books[_WALL] + books[_LOAD]
