@@ -199,7 +199,7 @@ dt = 2e-4
 frame_interval = 0.02
 """
 
-SEEDS = (1, 2, 3)
+SEEDS = (1, 2, 3, 4, 5, 6)
 
 
 @pytest.fixture(scope="module")
@@ -266,12 +266,13 @@ def test_a_column_collapses_as_far_at_every_time_step(columns, tmp_path, record_
     print(
         "with adhesion, five and one automatic less shortest:", of_all.round(2), "±", error / 2**0.5
     )
-    limit, out = 2.5 * math.sqrt(2.0) * error, mean[0]
+    # Of ten differences one is beyond 2.5 of its errors by chance in every eighth run
+    limit, out = 3.0 * math.sqrt(2.0) * error, mean[0]
     assert (np.abs(shift).max(axis=1) < limit).all()
     assert (np.abs(of_all[:, 1]) < limit / math.sqrt(4.0)).all()
     assert abs(out[0, 0] - out[0, 2]) < limit[0]
     assert out[1:, 0].mean() == pytest.approx(out[1:, 2].mean(), rel=0.1)
-    # Steps of all lengths together: three columns of one would be too few
+    # Steps of all lengths together: the columns of one would be too few
     out, limit = out.mean(axis=1), limit / math.sqrt(3.0)
     assert (out[0] - out[1:3] > limit[0]).all()
     assert (out[1:3] - out[3:] > limit[0]).all()
