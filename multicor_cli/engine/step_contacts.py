@@ -103,7 +103,7 @@ class StepContacts:
     def select(self, step: Prediction, *, closes: bool = False) -> None:
         """The contacts of the state, or others if a pair that is none of them may close.
 
-        If it is not known already that one ``closes``: then the list has been looked at, too.
+        Where it is known already that one ``closes``, the list has been looked at, too.
         """
         layout, scene = self.layout, step.scene
         if not closes:
