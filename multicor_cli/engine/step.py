@@ -153,11 +153,11 @@ class Engine:
             self.pass_grains()
         state = self._gathered()
         try:
-            report = (
-                self._stand_still()
-                if is_frozen
-                else self.mechanics.advance(dt, t, self._temperature(t), should_stop)
-            )
+            if is_frozen:
+                count = state.contact_i.size
+                report = StepReport(0.0, True, 0.0, 0.0, 0.0, count, count, 0.0)
+            else:
+                report = self.mechanics.advance(dt, t, self._temperature(t), should_stop)
             self._pass_heat(dt, t, should_stop)
             if self.model.sheds:
                 book_worn(state, self.mechanics.layout.shed())
@@ -264,10 +264,6 @@ class Engine:
         return self.mechanics.layout.state
 
     # ---- Phases of a step
-
-    def _stand_still(self) -> StepReport:
-        count = self.mechanics.layout.state.contact_i.size
-        return StepReport(0.0, True, 0.0, 0.0, 0.0, count, count, 0.0)
 
     def _temperature(self, t: float) -> Floats:
         """Temperatures of all shapes [K], if laws of contact depend on them; else of size 0."""

@@ -255,26 +255,20 @@ def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
     if again.size:
         k = int(again[0])
         return k, f"the point {points[k].tolist()} is given twice"
-    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+    ends = np.roll(points, -1, axis=0)
+    before, after = points - np.roll(points, 1, axis=0), ends - points
     turn, along = cross(before, after), dot(before, after)
     back = np.flatnonzero((turn == 0.0) & (along < 0.0))
     if back.size:
         k = int(back[0])
         return k, f"the outline runs back on itself at {points[k].tolist()}"
     for k in range(len(points) - 2):
-        other = _first_crossed(points, k)
-        if other is not None:
-            one, two = points[k].tolist(), points[other].tolist()
+        others = slice(k + 2, len(points) - (1 if k == 0 else 0))  # without the neighbors
+        crossed = np.flatnonzero(~are_apart(points[k], ends[k], points[others], ends[others]))
+        if crossed.size:
+            one, two = points[k].tolist(), points[others][crossed[0]].tolist()
             return k, f"the side from {one} crosses or touches that from {two}"
     return None
-
-
-def _first_crossed(points: Floats, k: int) -> int | None:
-    """The first side after ``k`` that shares a point with it and is not its neighbor."""
-    ends = np.roll(points, -1, axis=0)
-    last = len(points) - (1 if k == 0 else 0)
-    found = np.flatnonzero(~are_apart(points[k], ends[k], points[k + 2 : last], ends[k + 2 : last]))
-    return k + 2 + int(found[0]) if found.size else None
 
 
 def are_apart(a: Floats, b: Floats, c: Floats, d: Floats) -> NDArray[np.bool_]:

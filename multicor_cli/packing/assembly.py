@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -248,6 +247,10 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         group=np.repeat(np.arange(len(groups), dtype=np.int32), counts),
     )
     touching = touching_pairs(grains, walls.shapes, walls.walls)
+    sheds = scenario.heat is not None and scenario.heat.wear_shrinks
+    expansion = np.array([scenario.materials[name].expansion or 0.0 for name in names])
+    if not sheds and not expansion[material].any():
+        expansion = np.zeros(0)  # grains keep their size
     return Model(
         grains=grains,
         shapes=walls.shapes,
@@ -261,8 +264,8 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
         thermal=_thermal(scenario, groups),
         height=scenario.domain.size[1] if scenario.domain.is_cell else 0.0,
-        expansion=_expansion(scenario, [names[k] for k in sorted(set(material.tolist()))], names),
-        sheds=scenario.heat is not None and scenario.heat.wear_shrinks,
+        expansion=expansion,
+        sheds=sheds,
         heat_gradient=(scenario.heat and scenario.heat.gradient) or (0.0, 0.0),
         outlines=_outlines(groups),
     )
@@ -276,14 +279,6 @@ def _outlines(groups: list[InitialGrains]) -> Outlines | None:
         Outlines.of_discs(group.radius) if group.forms is None else group.forms.outlines
         for group in groups
     ])  # fmt: skip
-
-
-def _expansion(scenario: Scenario, of_grains: Sequence[str], names: Sequence[str]) -> Floats:
-    """Coefficients of thermal expansion of the materials; of size 0 if grains keep their size."""
-    sheds = scenario.heat is not None and scenario.heat.wear_shrinks
-    if not sheds and not any(scenario.materials[name].expansion for name in of_grains):
-        return np.zeros(0)
-    return np.array([scenario.materials[name].expansion or 0.0 for name in names])
 
 
 def _with_cell(scenario: Scenario, model: Model) -> Model:

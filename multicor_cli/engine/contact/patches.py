@@ -100,14 +100,6 @@ def _mobility(body: int, d: int, s: System) -> float:
 
 
 @loop_body
-def _is_movable(body: int, s: System) -> bool:
-    largest = 0.0
-    for d in range(3):
-        largest = max(largest, _mobility(body, d, s))
-    return largest > 0.0
-
-
-@loop_body
 def _contact_of(couple: int, s: System) -> int:
     """Number of the contact of a couple: a lane, or that of a general one."""
     place = s.couples.place[couple]
@@ -206,7 +198,8 @@ def _around(
             found += 1
         for side in range(2):
             b = _body(chosen[at], side, s)
-            first, last = (start[b], start[b + 1]) if _is_movable(b, s) else (0, 0)
+            mobility = max(_mobility(b, X, s), _mobility(b, Y, s), _mobility(b, SPIN, s))
+            first, last = (start[b], start[b + 1]) if mobility > 0.0 else (0, 0)
             for place in range(first, last):
                 if is_left[contact[place]] and found < size:
                     chosen[found] = contact[place]

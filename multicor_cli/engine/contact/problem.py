@@ -185,7 +185,9 @@ def solve_contacts(
         raise ValueError(message)
     system, arm = _disc_system(problem, impulse) or (_general_system(problem, impulse), None)
     if reference_velocity is None:
-        reference_velocity = _closing_velocity(problem)
+        violation = np.minimum(free_velocity(problem)[:, NORMAL] + problem.bias, 0.0)
+        violation = violation[violation < 0.0]
+        reference_velocity = math.sqrt(mean(violation * violation)) if violation.size else 0.0
     movable = problem.inverse_mass[:, X] > 0.0
     energy = (
         0.5
@@ -232,12 +234,6 @@ def free_velocity(problem: ContactProblem) -> Floats:
         - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
     )
     return np.column_stack([u_n, u_t - problem.slide])
-
-
-def _closing_velocity(problem: ContactProblem) -> float:
-    violation = np.minimum(free_velocity(problem)[:, NORMAL] + problem.bias, 0.0)
-    violated = violation < 0.0
-    return math.sqrt(mean(violation[violated] * violation[violated])) if violated.any() else 0.0
 
 
 def _general_system(problem: ContactProblem, impulse: Floats) -> System:

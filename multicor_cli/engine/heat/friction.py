@@ -94,7 +94,7 @@ def conductivity_share(k_i: float, k_j: float) -> float:
 
 
 def electrothermal_share(
-    resistivity_i: float, resistivity_j: float, k_i: float, k_j: float
+    k_i: float, resistivity_i: float, k_j: float, resistivity_j: float
 ) -> float:
     """Share of body i ``½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` (Mokrani & Bourouga).
 
@@ -109,15 +109,11 @@ def _by_effusivity(
     return effusivity_share(effusivity(k_i, rho_i, c_i), effusivity(k_j, rho_j, c_j))
 
 
-def _by_electrothermal(k_i: float, resistivity_i: float, k_j: float, resistivity_j: float) -> float:
-    return electrothermal_share(resistivity_i, resistivity_j, k_i, k_j)
-
-
 SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
     "effusivity": (_by_effusivity, ("conductivity", "density", "heat_capacity")),
     "conductivity": (conductivity_share, ("conductivity",)),
     "half": (lambda: 0.5, ()),
-    "electrothermal": (_by_electrothermal, ("conductivity", "resistivity")),
+    "electrothermal": (electrothermal_share, ("conductivity", "resistivity")),
 }
 """Share of the first body, from these properties of the first body and then of the second."""
 

@@ -32,7 +32,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cbrt
 from multicor_cli.engine.heat.rates import (
@@ -274,7 +273,7 @@ class _SubStep:
 
     def falls_below_zero(self) -> bool:
         """Whether any is below absolute zero at the end; raises if a shorter step cannot help."""
-        is_below = _is_below_zero(self._end)
+        is_below = self._end < BELOW_ZERO * max(1.0, float(self._end.max()))
         if not is_below.any():
             return False
         rate = rates_at(
@@ -393,8 +392,3 @@ class _Implicit(_SubStep):
 def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:
     everything = np.concatenate([temperature, wall_value[net.wall], net.outside_temperature])
     return float(everything.max() - everything.min()) + float(np.abs(net.ahead).max(initial=0.0))
-
-
-def _is_below_zero(temperature: Floats) -> NDArray[np.bool_]:
-    """Whether temperatures [K] are below absolute zero by more than rounding, shape ``(n,)``."""
-    return temperature < BELOW_ZERO * max(1.0, float(temperature.max()))

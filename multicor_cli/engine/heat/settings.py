@@ -99,12 +99,16 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
 
     hardness = np.array([[one.get("hardness") or inf] for one in materials])
     formula, names = SHARES[partition]
+    share = of_pairs(formula, *names, missing=0.5)
+    lower = np.tril_indices(len(share), -1)
+    share[lower] = 1.0 - share.T[lower]  # what the first body leaves: rounding loses nothing
+    np.fill_diagonal(share, 0.5)
     return HeatLaws(
         conductivity=of_each(float, "conductivity"),
         volumetric=of_each(mul, "density", "heat_capacity"),
         modulus=of_pairs(contact_modulus, "young", "poisson", missing=UNUSED_STIFFNESS),
         harmonic=of_pairs(harmonic_mean, "conductivity"),
-        share=_complementary(of_pairs(formula, *names, missing=0.5)),
+        share=share,
         emissivity=of_each(float, "emissivity"), emission=of_pairs(emission_factor, "emissivity"),
         roughness=of_pairs(hypot, "roughness"), slope=of_pairs(hypot, "asperity_slope"),
         microhardness=of_pairs(harmonic_mean, "microhardness", missing=UNUSED_STIFFNESS),
@@ -124,11 +128,3 @@ def _value(
     """The formula of the properties of one body, or of two; ``missing`` if one is not given."""
     values = [body.get(name) for body in bodies for name in names]
     return missing if None in values else formula(*values)
-
-
-def _complementary(share: Floats) -> Floats:
-    """Shares of the first body; that of the second is the rest: rounding loses nothing."""
-    lower = np.tril_indices(len(share), -1)
-    share[lower] = 1.0 - share.T[lower]
-    np.fill_diagonal(share, 0.5)
-    return share

@@ -131,11 +131,6 @@ def _less(one: _Wave, other: _Wave) -> _Wave:
 
 
 @formula
-def _more(one: _Wave, other: _Wave) -> _Wave:
-    return _Wave(one.x + other.x, one.y + other.y, one.c + other.c)
-
-
-@formula
 def _integral(wave: _Wave, a: float, b: float) -> float:
     return wave.x * (sin(b) - sin(a)) + wave.y * (cos(a) - cos(b)) + wave.c * (b - a)
 
@@ -177,7 +172,8 @@ def _shared(
             to = cut if at < cut < to else to
         top = up if _integral(up, at, to) <= _integral(up_too, at, to) else up_too
         bottom = down if _integral(down, at, to) <= _integral(down_too, at, to) else down_too
-        found += _above(_more(top, bottom), at, to)
+        both = _Wave(top.x + bottom.x, top.y + bottom.y, top.c + bottom.c)
+        found += _above(both, at, to)
         at = to
     return found
 

@@ -98,7 +98,10 @@ def cache_name() -> str:
 
 def kernel_sources(root: Path) -> list[Path]:
     """Modules with kernels below ``root``, the package, and whatever those import from it."""
-    found = {_dotted(path, root): path for path in root.rglob("*.py")}
+    found = {}
+    for path in root.rglob("*.py"):
+        name = ".".join(path.relative_to(root.parent).with_suffix("").parts)
+        found[name.removesuffix(".__init__")] = path
     texts = {name: path.read_text(encoding="utf-8") for name, path in found.items()}
     decorators = f"{root.name}.{DECORATORS}"
     imports = {name: set(_imports(text, texts)) for name, text in texts.items()}
@@ -110,10 +113,6 @@ def kernel_sources(root: Path) -> list[Path]:
             wanted.add(name)
             waiting.extend(imports[name])
     return sorted(found[name] for name in wanted)
-
-
-def _dotted(path: Path, root: Path) -> str:
-    return ".".join(path.relative_to(root.parent).with_suffix("").parts).removesuffix(".__init__")
 
 
 def _imports(text: str, known: Container[str]) -> Iterator[str]:

@@ -74,7 +74,9 @@ class WallMotion:
         self.weight: Floats = np.zeros((w, 3))
         self._is_heavy: NDArray[np.bool_] = self.driven & model.walls.has_gravity[:, None]
         self._pushed = np.argwhere(self.driven).tolist()
-        self.mobility: Floats = _inverse_where(self.driven, self.mass)
+        self.mobility: Floats = np.where(
+            self.driven, 1.0 / np.where(self.driven, self.mass, 1.0), 0.0
+        )
         self.before: Floats = np.zeros((w, 3))
         self.jumps = False
         self.load: Floats = np.zeros((w, 3))
@@ -201,10 +203,6 @@ def _spacings(
         for w, d, drive in drives
         if drive.between
     }
-
-
-def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
-    return np.where(chosen, 1.0 / np.where(chosen, values, 1.0), 0.0)
 
 
 def _extents(model: Model) -> Floats:

@@ -230,7 +230,7 @@ def test_friction_partition_and_wear():
     assert (steel, aluminum) == (digits(7500.0), digits(22045.4))
     assert friction.effusivity_share(steel, aluminum) == digits(0.253847)
     assert friction.conductivity_share(15.0, 200.0) == digits(0.0697674)
-    assert friction.electrothermal_share(7.2e-7, 2.8e-8, 15.0, 200.0) == digits(0.516167)
+    assert friction.electrothermal_share(15.0, 7.2e-7, 200.0, 2.8e-8) == digits(0.516167)
     assert friction.archard_volume(1e-4 / 2e9, 1.0 * 100.0) == pytest.approx(5e-12, rel=1e-14)
 
 

@@ -25,7 +25,7 @@ def test_limits_of_hertz_contacts():
     )
     assert hertz.harmonic_mean(15.0, 15.0) == 15.0
     assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
-    assert friction.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
+    assert friction.electrothermal_share(5.0, 2.0, 5.0, 2.0) == 0.5
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
     assert radii.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
     assert hertz.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
