@@ -117,7 +117,9 @@ def avalanches(
         )
     span = float(time[-1] - time[0])
     mean = {"count": float(events.size.size), "rate": events.size.size / span}
-    error = {"rate": _error_of_rate(events.wait)}
+    error, wait = {"rate": np.nan}, events.wait[1:]
+    if wait.size > 1:  # that of the time from one drop to the next
+        error["rate"] = float(spread(wait).error) / float(wait.mean()) ** 2
     for name in ("size", "duration", "wait"):
         values = getattr(events, name)
         rows = values[np.isfinite(values)]
@@ -172,14 +174,6 @@ def find_events(time: Floats, value: Floats, threshold: float) -> Events:
     kept: NDArray[np.bool_] = size >= threshold * (1.0 - 1e-12)
     start, end = time[begins[kept]], time[ends[kept]]
     return Events(start, end - start, size[kept], np.diff(start, prepend=np.nan))
-
-
-def _error_of_rate(wait: Floats) -> float:
-    """Standard error of the number of drops per time, of that of the time from one to the next."""
-    known = wait[1:]
-    if known.size < 2:
-        return np.nan
-    return float(spread(known).error) / float(known.mean()) ** 2
 
 
 # ---- Exponents of power laws by maximum likelihood, where the data are compatible with one

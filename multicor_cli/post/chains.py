@@ -168,7 +168,10 @@ def find_chains(contacts: LoadedContacts, model: Model, angle: float = ANGLE) ->
     Raises:
         MissingLibrary: If SciPy is not installed.
     """
-    stress, direction = _principal(contacts, model)
+    xx, xy, yx, yy = own_stress(contacts, model).T
+    deviator = 0.5 * (xx - yy) + 0.5j * (xy + yx)
+    stress = np.asarray(0.5 * (xx + yy) + np.abs(deviator), np.float64)
+    direction = np.asarray(0.5 * np.angle(deviator), np.float64)
     branch = contacts.along
     n, i, j = contacts.grain_count, contacts.i, contacts.j
     bears = stress > stress.mean()
@@ -186,14 +189,6 @@ def find_chains(contacts: LoadedContacts, model: Model, angle: float = ANGLE) ->
     number[order] = np.arange(order.size)
     of_grain = number[cluster]
     return FoundChains(of_grain, size[order], can[of_grain[i[can]] >= 0], stress, direction)
-
-
-def _principal(contacts: LoadedContacts, model: Model) -> tuple[Floats, Floats]:
-    """Major principal stress of each grain [N/m] and its direction [rad], shapes ``(n,)``."""
-    xx, xy, yx, yy = own_stress(contacts, model).T
-    deviator = 0.5 * (xx - yy) + 0.5j * (xy + yx)
-    major = 0.5 * (xx + yy) + np.abs(deviator)
-    return np.asarray(major, np.float64), np.asarray(0.5 * np.angle(deviator), np.float64)
 
 
 def decay_length(mean: Any) -> Any:

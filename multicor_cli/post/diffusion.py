@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, find_extent
-from multicor_cli.post.bulk import Band, find_band, strain_and_spin
+from multicor_cli.post.bulk import find_band, strain_and_spin
 from multicor_cli.post.flow import fit_flow
 from multicor_cli.post.lattice import shear_rate_of
 from multicor_cli.post.mean_heat import intervals_to_forget
@@ -186,13 +186,11 @@ def _between_walls(
     flow = fit_flow(extent, model.mean_diameter, ((half, weight) for half in halves))
     steps = [flow.fluctuation(half) * dt for half, dt in zip(halves, lapses, strict=True)]
     way = np.concatenate([np.zeros((1, weight.size, 2)), np.cumsum(steps, axis=0)])
-    return _Ways(way, np.array([_in_bulk(band, frame) for frame in frames]), np.array(strain))
-
-
-def _in_bulk(band: Band, frame: Frame) -> NDArray[np.bool_]:
-    low, high = band.edges(frame)
-    y = np.asarray(frame.position, np.float64)[:, 1]
-    return np.asarray((y > low) & (y < high))
+    is_in_bulk = []
+    for frame in frames:
+        (low, high), y = band.edges(frame), np.asarray(frame.position, np.float64)[:, 1]
+        is_in_bulk.append((y > low) & (y < high))
+    return _Ways(way, np.array(is_in_bulk), np.array(strain))
 
 
 def _squares(ways: _Ways, start: int, end: int) -> Floats:

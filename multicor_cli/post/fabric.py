@@ -165,8 +165,9 @@ def fabric(
             "no two grains press on each other in the bulk in these frames: choose other frames, "
             "or lower --margin where there are walls"
         )
-    for name in values.keys() & _DIRECTIONS:
-        values[name] = _unfolded(values[name])
+    for name in values.keys() & _DIRECTIONS:  # within 90° of their mean, which is within 0 … 180°
+        middle = _degrees(complex(np.nansum(np.exp(2j * np.radians(values[name])))))
+        values[name] = middle + (values[name] - middle + 90.0) % 180.0 - 90.0
     facts = {"margin": bulk.margin, **frames_told(source, chosen)}
     times = np.asarray(source.frames.time, np.float64)[chosen]
     return Fabric(times, [q.over_time(values[q.name]) for q in shown], facts, frames=chosen)
@@ -261,9 +262,3 @@ def _stress_fabric(
 def _degrees(wave: complex) -> float:
     """θ of a e^{2iθ} [°], 0 … 180."""
     return float(np.degrees(0.5 * np.angle(wave)) % 180.0)
-
-
-def _unfolded(degrees: Floats) -> Floats:
-    """Directions of axes [°] within 90° of their mean direction, which is within 0 … 180."""
-    middle = _degrees(complex(np.nansum(np.exp(2j * np.radians(degrees)))))
-    return np.asarray(middle + (degrees - middle + 90.0) % 180.0 - 90.0)

@@ -110,10 +110,15 @@ def lifetimes(
             Column(f"error_{name}", "1", error, "standard error")]  # fmt: skip
     columns.append(Column("origins", "", times.size - lags))
     interval = float(np.diff(times).mean())
+
+    def derive(sums: Floats) -> dict[str, Floats]:
+        share = sums[:, 0] / sums[:, 1]
+        return {"it": np.where(share > 0.0, -interval / np.log(share), np.nan)}
+
     facts: dict[str, Any] = {}
     for name, (kept, began) in zip(LIFETIMES, counts.values(), strict=True):
         rows = np.column_stack([kept[0, 0, :-1], began[:-1]]).astype(np.float64)
-        ended = average_ratios(lambda sums: _lifetime(sums, interval), rows, times)
+        ended = average_ratios(derive, rows, times)
         facts |= {name: ended.mean["it"], f"{name}_error": float(ended.spread["it"].error)}
     facts |= {
         "contacts_per_frame": float(np.mean(counts[KINDS[0]][1])), "interval": interval,
@@ -121,11 +126,6 @@ def lifetimes(
         **frames_told(source, chosen),
     }  # fmt: skip
     return Lifetimes(columns, facts, frames=chosen)
-
-
-def _lifetime(rows: Floats, interval: float) -> dict[str, Floats]:
-    share = rows[:, 0] / rows[:, 1]
-    return {"it": np.where(share > 0.0, -interval / np.log(share), np.nan)}
 
 
 def _over(values: Floats, lags: NDArray[np.int64]) -> Floats:

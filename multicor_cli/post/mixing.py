@@ -117,17 +117,21 @@ def mixing(
             continue
         cells, y = cells_of(at, cell, aspect), at[:, Y]
         index = lacey(cells, group, len(names))
-        rows.append([index, _separation(y, group), *_heights(y, group, len(names))])
+        with np.errstate(invalid="ignore"):  # nan of a group without a grain
+            heights = np.bincount(group, y, len(names)) / np.bincount(group, minlength=len(names))
+        rows.append([index, _separation(y, group), *heights])
         sizes.append((len(at), int(cells.max()) + 1))
         last = last if np.isnan(index) else (cells, group)
     if last is None:
         raise PostError(
             "no frame has two cells and two groups in them: lower --cell, or choose other frames"
         )
+    (cells, group), random = last, np.random.default_rng(0)
+    by_chance = [lacey(cells, random.permutation(group), len(names)) for _ in range(_SHUFFLES)]
     count, number = np.mean(sizes, axis=0).tolist()
     facts = {
         "groups": names, "cell_grains": count / number, "cells": number,
-        "random_scatter": _random_scatter(*last, len(names)), **frames_told(source, chosen),
+        "random_scatter": float(np.std(by_chance)), **frames_told(source, chosen),
     }  # fmt: skip
     kinds = [*MIXING]
     kinds += [Quantity(f"height_{name}", f"mean height of {name}", "y", "m") for name in names]
@@ -204,12 +208,6 @@ def lacey(cells: NDArray[np.int64], group: NDArray[np.int64], groups: int) -> fl
     return (apart - variance) / (apart * (1.0 - (k - 1) / (n - 1)))
 
 
-def _heights(y: Floats, group: NDArray[np.int64], groups: int) -> Floats:
-    """Mean heights of the groups [m]; nan without a grain."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.bincount(group, y, groups) / np.bincount(group, minlength=groups))
-
-
 def _separation(y: Floats, group: NDArray[np.int64]) -> float:
     """Difference of the mean heights of two groups over the largest that there can be."""
     first = int((group == 0).sum())
@@ -219,13 +217,6 @@ def _separation(y: Floats, group: NDArray[np.int64]) -> float:
     most = float(ordered[:first].mean() - ordered[first:].mean())
     found = float(y[group == 0].mean() - y[group == 1].mean())
     return found / most if most > 0.0 else np.nan
-
-
-def _random_scatter(cells: NDArray[np.int64], group: NDArray[np.int64], groups: int) -> float:
-    """Standard deviation of M where chance assigns the groups, of `_SHUFFLES` such assignments."""
-    random = np.random.default_rng(0)
-    found = [lacey(cells, random.permutation(group), groups) for _ in range(_SHUFFLES)]
-    return float(np.std(found))
 
 
 # ---- How groups, or sizes, lie over the height

@@ -79,7 +79,11 @@ def mobilized(
     mu, pull = _friction(laws, pair, points, model, frame), np.zeros(normal.size)
     if laws.adhesion.size:
         gap = np.asarray(frame.contacts.gap, np.float64)[points.row]
-        pull = laws.adhesion[pair] * _share_of_force(laws, pair, gap)
+        reach = laws.adhesion_range[pair]
+        share = 1.0 - gap / np.where(reach > 0.0, reach, 1.0)
+        # Whatever is wet and carries a force within the range has a bridge
+        bridge = (share > 0.0).astype(np.float64)
+        pull = laws.adhesion[pair] * np.where(laws.is_wet[pair] > 0, bridge, np.clip(share, 0, 1))
     pressing = points.force[:, 0] + pull
     can_bear = (mu > 0.0) & (pressing > _NOISE * (normal + pull))
     bound = np.where(can_bear, mu * pressing, np.nan)
@@ -149,12 +153,6 @@ def _weakened(
     part = np.ones(mu.size)
     part[fast] = speed[fast] / slip[fast]
     return np.where(fast, weak + (mu - weak) * part, mu)
-
-
-def _share_of_force(laws: ContactLaws, pair: _Pairs, gap: Floats) -> Floats:
-    """F over that where bodies touch; whatever carries a force within the range has a bridge."""
-    share = 1.0 - gap / np.where(laws.adhesion_range[pair] > 0.0, laws.adhesion_range[pair], 1.0)
-    return np.where(laws.is_wet[pair] > 0, (share > 0.0).astype(np.float64), np.clip(share, 0, 1))
 
 
 # ---- Its distribution

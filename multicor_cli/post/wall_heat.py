@@ -125,7 +125,8 @@ def wall_heat(
         )
     warmth = wall_temperatures(source, chosen)
     numbers, names = _find_walls(source, warmth, walls), source.model.walls.names
-    thickness, conductivity = _thickness(source.model), _conductivity_of(source, over)
+    thickness = _thickness(source.model)
+    conductivity = solid_conductivity(source) if over == "solid" else gas_conductivity(source)
     times = np.asarray(source.frames.time, np.float64)[chosen]
     seen = [_look(source, frame, numbers, near, length) for frame in frames_of(source, chosen)]
     means = 0.5 * (warmth[1:] + warmth[:-1])
@@ -178,10 +179,6 @@ def _thickness(model: Model) -> float:
     if model.shape_factor != SHAPE_FACTOR["disc"]:
         return model.mean_diameter
     return float((model.thermal.surface / model.perimeter).mean())
-
-
-def _conductivity_of(source: Run, over: Over) -> float:
-    return solid_conductivity(source) if over == "solid" else gas_conductivity(source)
 
 
 class _Seen(NamedTuple):

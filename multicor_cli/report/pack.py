@@ -389,6 +389,8 @@ def pack_frames(
     looks = None if outlines is None else looks_of(outlines)
     if looks is not None and len(looks.data) > _LOOKS_SHARE * budget:
         looks = None
+    forces = [_sane(view.contacts.force) for view in views if view.contacts is not None]
+    loaded = sum(force.size for force in forces)
     packing = Packed(
         chunks=tuple(_pack(view, codes, run.model.grain_count) for view in views),
         fields=tuple(
@@ -396,7 +398,7 @@ def pack_frames(
         ),
         codes=codes,
         colors=_color_ranges(fields_of(run), views),
-        mean_force=_mean_force(views),
+        mean_force=sum(float(force.sum(dtype=np.float64)) for force in forces) / max(loaded, 1),
         walls=np.array([view.walls for view in views]),
         box=_join_boxes([view.box for view in views], codes),
         radii=compress([run.model.grains.radius.astype("<f4").view("<u4")]),
@@ -464,12 +466,6 @@ def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
 def _sane(values: NDArray[Any]) -> NDArray[Any]:
     """Values that are not nan or absurd: a damaged file must not spoil the scale of the others."""
     return np.asarray(values[np.abs(values) < _ABSURD])
-
-
-def _mean_force(views: Sequence[FrameView]) -> float:
-    forces = [_sane(view.contacts.force) for view in views if view.contacts is not None]
-    count = sum(force.size for force in forces)
-    return sum(float(force.sum(dtype=np.float64)) for force in forces) / count if count else 0.0
 
 
 def _pack(view: FrameView, codes: dict[str, Code], grains: int) -> Chunk:

@@ -135,12 +135,6 @@ def _wall_heat(run: Run, row: Observable, selection: Selection) -> Number:
     return _mean(found, name, why)
 
 
-def _hot_spots(run: Run, row: Observable, selection: Selection) -> Number:
-    name = str(row.value)
-    why = f"the run has no {name}: no material has a temperature of ignition or melting"
-    return _mean(hot_spots(run, selection), name, why)
-
-
 def _heat_network(run: Run, row: Observable, _selection: Selection) -> Number:
     return Number(float(heat_network(run).summary[str(row.value)]))
 
@@ -152,11 +146,13 @@ def _diffusion(run: Run, row: Observable, selection: Selection) -> Number:
 
 
 def _over_time(
-    measure: Callable[[Run, Selection], TimeTable],
+    measure: Callable[[Run, Selection], TimeTable], why: str = "all its grains are discs"
 ) -> Callable[[Run, Observable, Selection], Number]:
+    """A mean of frames; ``why`` there may be none."""
+
     def take(run: Run, row: Observable, selection: Selection) -> Number:
-        why = f"the run has no {row.value}: all its grains are discs"
-        return _mean(measure(run, selection), str(row.value), why)
+        found = measure(run, selection)
+        return _mean(found, str(row.value), f"the run has no {row.value}: {why}")
 
     return take
 
@@ -181,11 +177,6 @@ def _correlation(run: Run, row: Observable, selection: Selection) -> Number:
     if name not in LENGTHS:
         return Number(found.fluctuation)
     return Number(getattr(found, name), getattr(found, f"error_{name}"))
-
-
-def _mixing(run: Run, row: Observable, selection: Selection) -> Number:
-    why = f"the run has no {row.value}: it has several groups, or is a cell"
-    return _mean(mixing(run, selection), str(row.value), why)
 
 
 def _residence(run: Run, row: Observable, selection: Selection) -> Number:
@@ -285,11 +276,17 @@ SOURCES: dict[str, Source] = {
         HEAT_SUMMARY, _heat_network, frozenset(HEAT_SUMMARY), is_of_one_frame=True
     ),
     "wall-heat": Source(_AT_WALLS, _wall_heat, frozenset(_AT_WALLS)),
-    "hot-spots": Source(_OF_SPOTS, _hot_spots, frozenset(_OF_SPOTS)),
+    "hot-spots": Source(
+        _OF_SPOTS, _over_time(hot_spots, "no material has a temperature of ignition or melting"),
+        frozenset(_OF_SPOTS),
+    ),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
     "structure": Source(("first_peak", "first_peak_distance", *_OF_CELLS), _structure),
     "correlation": Source((*LENGTHS, "fluctuation"), _correlation),
-    "mixing": Source(tuple(row.name for row in MIXING), _mixing),
+    "mixing": Source(
+        tuple(row.name for row in MIXING),
+        _over_time(mixing, "it has several groups, or is a cell"),
+    ),
     "residence": Source(("mean", "median"), _residence),
     "avalanches": Source(tuple(row.name for row in EVENTS), _avalanches),
     "region": Source(tuple(row.name for row in IN_REGION), _region, frozenset({"temperature"})),
