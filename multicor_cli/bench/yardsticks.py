@@ -113,9 +113,12 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
         if round_ == 0:  # the first round only warms up
             ours, in_c = {number: [] for number in threads}, []
     ratios = [a / b for a, b in zip(ours[threads[0]], in_c, strict=False)]
+    moved = diagonal.pair.nbytes + diagonal.frame.nbytes  # read; the rest is read and written
+    moved += 4 * diagonal.impulse.nbytes  # now and before
+    moved += 2 * np.unique(diagonal.pair).size * diagonal.velocity.itemsize * 4
     return SweepTimes(
         count,
-        _bytes_moved(diagonal),
+        moved,
         {number: statistics.median(times) for number, times in ours.items()},
         min(in_c, default=math.nan),
         statistics.median(ratios) if ratios else math.nan,
@@ -198,14 +201,6 @@ def _core_time(work: Callable[[], object]) -> float:
     start = time.thread_time()
     work()
     return time.thread_time() - start
-
-
-def _bytes_moved(system: System) -> int:
-    """Pairs and frames are read; impulses and velocities of bodies in contact read and written."""
-    bodies = np.unique(system.pair).size
-    impulses = 4 * system.impulse.nbytes  # now and before
-    velocities = 2 * bodies * system.velocity.itemsize * 4
-    return int(system.pair.nbytes + system.frame.nbytes + impulses + velocities)
 
 
 # ---- A step's other work

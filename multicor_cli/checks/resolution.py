@@ -103,7 +103,8 @@ def _negative(run: Recorded) -> Iterator[Measured]:
     model, dt = run.run.model, float(np.asarray(run.run.frames.column("steps/dt")).max(initial=0.0))
     kick = run.largest_gravity * dt
     lost = run.book("friction_loss") + run.book("impact_loss") - run.book("negative_loss")
-    squared = _least_restitution(model) ** 2
+    materials = np.flatnonzero(np.bincount(model.grains.material))
+    squared = float(model.laws.restitution[np.ix_(materials, materials)].min()) ** 2
     largest = float(run.series("kinetic").max(initial=0.0))
     if squared == 1.0:
         if largest > 0.5 * total(model.grains.mass) * kick * kick:
@@ -111,11 +112,6 @@ def _negative(run: Recorded) -> Iterator[Measured]:
     elif lost > steps * 0.5 * total(model.grains.mass) * kick * kick:
         given_back = max(0.0, run.book("impact_loss")) * squared / (1.0 - squared)
         yield Measured(run.info["negative_loss_share"] * lost / (lost + given_back))
-
-
-def _least_restitution(model: Model) -> float:
-    materials = np.flatnonzero(np.bincount(model.grains.material))
-    return float(model.laws.restitution[np.ix_(materials, materials)].min())
 
 
 _AUTOMATIC = 'Use dt = "auto", or a step of that size.'

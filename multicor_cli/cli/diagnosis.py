@@ -26,6 +26,10 @@ def diagnose() -> dict[str, Any]:
 
     threading, cache = _threading_layer(), configure_cache()
     kept = f"{cache} ({'compiled' if is_compiled() else 'empty'})"
+    try:
+        memory = format_bytes(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (ValueError, OSError):
+        memory = "unknown"
     return {
         "multicor": __version__,
         "python": f"{platform.python_version()} ({sys.executable})",
@@ -39,7 +43,7 @@ def diagnose() -> dict[str, Any]:
         "platform": platform.platform(),
         "cores": f"{available_cores()} of {os.cpu_count()}",
         "threading layer": threading,
-        "memory": _memory(),
+        "memory": memory,
         "kernel cache": "none that outlives a process" if cache is None else kept,
         "free disk": format_bytes(shutil.disk_usage(Path.cwd()).free),
     }
@@ -72,10 +76,3 @@ def _threading_layer() -> str:
     if done.returncode:
         return f"none: {said[-1] if said else 'Numba cannot be started'}"
     return said[-1]
-
-
-def _memory() -> str:
-    try:
-        return format_bytes(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (ValueError, OSError):
-        return "unknown"

@@ -55,10 +55,7 @@ class StopSignals:
             yield self
             return
         self._is_installed = True
-        handlers = {
-            **dict.fromkeys(STOP_SIGNALS, self._on_stop),
-            signal.SIGUSR1: self._on_checkpoint,
-        }
+        handlers = dict.fromkeys((*STOP_SIGNALS, signal.SIGUSR1), self._on_signal)
         if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
             del handlers[signal.SIGHUP]
         before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
@@ -80,7 +77,10 @@ class StopSignals:
         finally:
             self._is_impatient = False
 
-    def _on_stop(self, number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if number == signal.SIGUSR1:
+            self.is_checkpoint_wanted = True
+            return
         if self.stop_signal is not None:
             _exit_now(number)
         self.stop_signal = number
@@ -92,9 +92,6 @@ class StopSignals:
         with contextlib.suppress(Exception):
             self.on_exit(number)
         _exit_now(number)
-
-    def _on_checkpoint(self, _number: int, _frame: FrameType | None) -> None:
-        self.is_checkpoint_wanted = True
 
 
 def _exit_now(number: int) -> NoReturn:

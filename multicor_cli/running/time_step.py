@@ -476,7 +476,9 @@ def automatic_step(scales: Scales, output: Output) -> float | None:
     interval = output.frame_interval
     if not output.has_default_series:
         interval = min(interval, output.series_interval)
-    step = min(_round_down(scales.limit), interval)
+    exact = Decimal(scales.limit * (1.0 + 1e-9))
+    second_digit = Decimal((0, (1,), exact.adjusted() - 1))
+    step = min(float(exact.quantize(second_digit, rounding=ROUND_DOWN)), interval)
     return interval / math.ceil(interval / step * (1.0 - 1e-9))
 
 
@@ -535,9 +537,3 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             StepReview(is_automatic, pressure, strain, travel, period, adhesion, automatic, *words)
         )
     return reviews
-
-
-def _round_down(value: float) -> float:
-    """``value`` with two significant digits, not above it."""
-    exact = Decimal(value * (1.0 + 1e-9))
-    return float(exact.quantize(Decimal((0, (1,), exact.adjusted() - 1)), rounding=ROUND_DOWN))

@@ -40,10 +40,13 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
     yield from _has_no_walls(tables)
     yield from _holds_its_grains(tables.domain, tables)
     if None not in tables.loading:
+        may_adhere = None in tables.contacts or any(
+            entry.attraction.force > 0.0 for _, entry in given(tables.contacts)
+        )
         stages = [stage for _, stage in given(tables.loading)]
         for k, (stage, cell) in enumerate(zip(stages, resolve_cell(stages), strict=True)):
             yield from _strains(("loading", k), stage, cell)
-            if not _may_adhere(tables):
+            if not may_adhere:
                 yield from _pulls_apart(("loading", k), stage)
 
 
@@ -146,12 +149,6 @@ def _strains(path: KeyPath, stage: Stage, cell: dict[str, KeptComponent]) -> Ite
     elif stage.duration is None and not keeps_moving(dof):
         what = f"the rate of {name} comes to 0, so that the stage may never end"
         yield Refused(path, what, "give duration [s] too, as its upper bound")
-
-
-def _may_adhere(tables: PartialScenario) -> bool:
-    return None in tables.contacts or any(
-        entry.attraction.force > 0.0 for _, entry in given(tables.contacts)
-    )
 
 
 def _pulls_apart(path: KeyPath, stage: Stage) -> Iterator[Refused]:

@@ -120,7 +120,7 @@ def test_resumed_run_equals_uninterrupted_run(seed, reference):
 
 def test_signal_during_the_first_step_waits_where_the_process_is_not_ours():
     scene = Scene()
-    reason = scene.run(lambda _step: scene.signals._on_stop(signal.SIGINT, None))
+    reason = scene.run(lambda _step: scene.signals._on_signal(signal.SIGINT, None))
     assert reason is StopReason.INTERRUPTED
     assert scene.engine.state.step == scene.recorder.rewind().step == 0
 
@@ -156,7 +156,7 @@ def test_checkpoint_on_request_goes_on():
 
     def act(step):
         if step == 5:
-            scene.signals._on_checkpoint(signal.SIGUSR1, None)
+            scene.signals._on_signal(signal.SIGUSR1, None)
 
     assert scene.run(act).is_end
     assert scene.checkpoints == [0, 6, 38]
