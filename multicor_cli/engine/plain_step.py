@@ -301,6 +301,8 @@ class PlainSteps:
         if not are_sought:
             layout.pairs.complete = complete
         self.closes = how == _CLOSES
+        if how != _READY:
+            selection.wait(state)
         return (Speeds(*speeds), bool(is_solved)) if how == _READY else None
 
     def end(

@@ -42,6 +42,13 @@ from multicor_cli.engine.contact.faces import (
     recall_points,
     unpack_points,
 )
+from multicor_cli.engine.contact.late import (
+    closing_soon,
+    contacts_with_walls,
+    make_rows,
+    merge_late,
+    place_late,
+)
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts, span_of
 from multicor_cli.engine.contact.patches import (
     choose_patch,
@@ -58,7 +65,7 @@ from multicor_cli.engine.contact.selection import (
     find_closing,
     leave_out,
     look_at_pairs,
-    pairs_up_to,
+    near_pairs,
     points_up_to,
 )
 from multicor_cli.engine.contact.solve import Outcome
@@ -200,7 +207,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
 
 def _schedule(model: Model, scene: Scene) -> Schedule:
     tile = lay_tiles(scene, 0.0, model.mean_diameter)
-    return schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
+    return schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))[0]
 
 
 def _prepare(
@@ -231,11 +238,24 @@ def _prepare(
     fix_lanes(scene, model.laws, bodies, _NOBODY, _NOBODY, lanes.slot, lanes.about, lanes.frame)
     leave_out(_NO_ROWS, _NOBODY, _NOBODY, _NOBODY)
     if pieces is None:
-        pairs_up_to(scene, _NO_ROWS, _NOBODY, np.empty(0), 1.0)
+        _come_late(scene, contacts, bodies, lanes)
+        near_pairs(scene, _NO_ROWS, _NOBODY, np.empty(0))
     else:
         span_of(scene, _NOBODY, _NOBODY)
         points_up_to(scene, pieces, _NO_ROWS, _NOBODY, 1.0)
-    look_at_pairs(scene, pieces, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, np.empty(0))
+    look_at_pairs(scene, pieces, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0, np.empty(0))
+
+
+def _come_late(scene: Scene, contacts: Contacts, bodies: Floats, lanes: Schedule) -> None:
+    """What pairs of discs need that close between two searches."""
+    closing_soon(scene, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0)
+    merge_late(_NOBODY, _NOBODY, _NOBODY, _NOBODY, _NOBODY, lanes.lane, lanes.slot)
+    place_late(
+        _NOBODY, _NOBODY, _NOBODY, lanes.place, np.zeros(1, np.bool_), lanes.velocity.shape[0],
+        *lanes.room, lanes.slot, lanes.pair, lanes.lane,
+    )  # fmt: skip
+    make_rows(contacts, contacts, _NOBODY, _NOBODY, _NOBODY, _NOBODY, 1)
+    contacts_with_walls(_NOBODY, lanes.lane, 1, 0)
 
 
 def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> None:

@@ -114,9 +114,17 @@ class StepContacts:
                 self.far(step, step.cutoff, layout.before), AHEAD * step.dt,
                 longest_reach(self.laws),
             )  # fmt: skip
-        if closes:
+        if layout.selection.is_crowded(layout.state) or (closes and not self.receive(step)):
             self.seek(step)
         self.select_impacts(step)
+
+    def receive(self, step: Prediction) -> bool:
+        """Pairs that close soon become contacts, beside those that there are, if there is room."""
+        layout = self.layout
+        return layout.selection.receive(
+            step.scene, self.motion.is_free, self.laws, layout.before, layout.free, layout.state,
+            step.cutoff, step.dt, longest_reach(self.laws),
+        )  # fmt: skip
 
     def select_impacts(self, step: Prediction) -> None:
         """All pairs that have had an impact are contacts."""
@@ -128,16 +136,11 @@ class StepContacts:
 
     def seek(self, step: Prediction, least: float = 0.0) -> float:
         """Other contacts: all pairs up to a gap that is returned [m], ``least`` or more."""
-        selection = self.layout.selection
-        margin, gap = selection.look(
-            step.scene, self.layout.before, self.layout.free, step.cutoff, step.dt
+        layout = self.layout
+        margin = max(least, longest_reach(self.laws) + SKIN * self.model.mean_diameter)
+        return layout.selection.seek(
+            step.scene, step.pieces, layout.before, layout.free, step.cutoff, step.dt, margin
         )
-        reach = longest_reach(self.laws)
-        if reach > 0.0:
-            margin = reach + max(margin, SKIN * self.model.mean_diameter)
-        margin = max(least, margin)
-        selection.seek(step.scene, step.pieces, margin, gap)
-        return margin
 
     def list_up_to(self, gap: float, step: Prediction) -> None:
         """Let the list be complete up to a gap at q_m, where it has been looked at before."""

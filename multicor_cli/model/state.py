@@ -119,6 +119,10 @@ class State:
         ("near_point_row",), "1", "number of points of each of these pairs for which there is room",
         "i4", only_with="outlines", since=(1, 12),
     )  # fmt: skip
+    near_late: Ints = _array(
+        ("late_row",), "1", "the how manieth of these pairs to come after the others were sought; "
+        "0 if it was among those", "i4", since=(1, 13),
+    )  # fmt: skip
     tile: Ints = _array(("grain", 2), "1",
         "column and row of the tile in which a grain was when these pairs were sought", "i4",
         since=(1, 5))  # fmt: skip
@@ -348,6 +352,7 @@ _PAIRS = {
     "bridge_j": ("bridge_i", "bridge_j"),
     "contact_point": ("contact_i", "contact_j"),
     "near_points": ("near_i", "near_j"),
+    "near_late": ("near_i", "near_j"),
 }
 
 
@@ -422,6 +427,7 @@ def _find_wrong_pairs(state: State, model: Model) -> str | None:
             "contact_couple": model.laws.rolling.size > 0,
             "contact_point": has_points,
             "near_points": has_points,
+            "near_late": state.near_late.size > 0,
         }
         rows = first.size if only.get(name, True) else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):

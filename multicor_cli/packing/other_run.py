@@ -372,6 +372,8 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
     near, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
+    if old.near_late.size:
+        state.near_late = old.near_late[near]
     if model.outlines is not None:
         state.contact_point = old.contact_point[kept]
         state.near_points = old.near_points[near]

@@ -16,6 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.late import (
+    NOWHERE,
+    SPACING,
+    contacts_with_walls,
+    place_late,
+)
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.vector_step import ABOUT_ROWS, SMALLER
 from multicor_cli.engine.contact.vector_sweep import (
@@ -33,33 +39,37 @@ from multicor_cli.model.model import Floats, Ints
 
 MANY = 16  # contacts of a grain from which on they are crowded: relaxed serially
 
-TILED, CROWDED, GENERAL, FACE, FREE_FACE = range(5)
+TILED, CROWDED, GENERAL, FACE, FREE_FACE, LATE = range(6)
 """Classes of contacts; those of grains that are no discs (`engine/contact/faces.py`) are faces."""
 
-_NO_FACES = np.empty(0, np.bool_)
-_NOWHERE = -(1 << 31)  # the lane of what lies in none
+_NO_FACES, _NOBODY = np.empty(0, np.bool_), np.empty(0, np.int32)
 COLORS = 4
 STREAMS = 4  # parts of a tile whose contacts take turns
 
 
 @kernel
 def classify_contacts(
-    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_], is_face: NDArray[np.bool_]
-) -> NDArray[np.int8]:
+    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_], is_face: NDArray[np.bool_],
+    late: Ints,
+) -> NDArray[np.int8]:  # fmt: skip
     """How each contact is relaxed, shape ``(c,)``.
 
     `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom. What is a face
-    is a `FACE`, or a `FREE_FACE` with such a wall.
+    is a `FACE`, or a `FREE_FACE` with such a wall; what came ``late`` is so whatever it is.
     """
     n, classes = scene.radius.size, np.zeros(i.size, np.int8)
     degree = np.zeros(n, np.int32)
+    for c in late:
+        classes[c] = LATE
     for c in range(i.size):
-        if is_face.size and is_face[c]:
+        if (is_face.size and is_face[c]) or classes[c] == LATE:
             continue
         degree[i[c]] += 1
         if j[c] < n:
             degree[j[c]] += 1
     for c in range(i.size):
+        if classes[c] == LATE:
+            continue
         is_general = j[c] >= n and wall_is_free[scene.wall[j[c] - n]]
         if is_face.size and is_face[c]:
             classes[c] = FREE_FACE if is_general else FACE
@@ -235,12 +245,8 @@ def number_bodies(
 # commute, so the iterates are those of a sweep contact by contact in the given order. (The order
 # above, four places of a tile in turn, fills 96 to 99 % of the lanes.)
 
-SPACING = 3
-"""A body comes again after so many batches at the earliest.
-
-The vector sweep gathers a batch before the last one is applied, which asks for 2; with 3 it waits
-less (by a tenth), with 4 more lanes are empty.
-"""
+SPARE = 16
+"""Further batches, and proxies, for contacts that come late: so many, and a share of all others."""
 
 
 class _Work(NamedTuple):
@@ -347,14 +353,14 @@ class Arrangement(NamedTuple):
 @kernel
 def arrange_contacts(
     scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_],
-    is_face: NDArray[np.bool_],
+    is_face: NDArray[np.bool_], late: Ints,
 ) -> Arrangement:  # fmt: skip
-    """Order and batches of contacts; arguments as `schedule_contacts`."""
+    """Order and batches of contacts but ``late`` ones; arguments as `schedule_contacts`."""
     grains, columns, rows = scene.radius.size, 1, 1
     for k in range(tile.shape[0]):
         columns, rows = max(columns, tile[k, X] + 1), max(rows, tile[k, Y] + 1)
     color_start = color_tiles(columns, rows)
-    classes = classify_contacts(scene, i, j, wall_is_free, is_face)
+    classes = classify_contacts(scene, i, j, wall_is_free, is_face, late)
     tiled, start = order_contacts(i, classes, TILED, tile, color_start, columns)
     faces, face_start = tiled[:0], np.zeros(start.size, np.int64)
     if is_face.size:
@@ -374,26 +380,34 @@ def arrange_contacts(
 
 @kernel
 def fill_lanes(
-    made: Arrangement, pair: Ints, lane: Ints, middle: Floats, frame: Floats, about: Floats
-) -> None:
+    made: Arrangement, slot: Ints, pair: Ints, lane: Ints, middle: Floats, frame: Floats,
+    about: Floats,
+) -> None:  # fmt: skip
     """Put contacts and their bodies into their lanes; empty ones lie apart, and have a mass.
 
-    Two more rows are for the empty lanes of each tile: no two tiles share a body. ``made.slot`` has
-    ranks in the order at first. **Modifies** it and what follows it, as in `Schedule`.
+    Two more rows are for the empty lanes of each tile: no two tiles share a body. There are more
+    batches than are ``made``, which belong to the last tile. **Modifies** the other arguments, as
+    in `Schedule`.
     """
-    slot, tile_start, bodies = made.slot, made.tile_start, made.bodies
+    batches, tiles = made.slot.shape[0], made.tile_start.size - 1
     for c in range(lane.size):
-        lane[c] = _NOWHERE
-    for t in range(tile_start.size - 1):
+        lane[c] = NOWHERE
+    for t in range(tiles):
         empty = made.rows + 2 * t
         middle[empty + 1, X] = 1.0
-        for q in range(tile_start[t], tile_start[t + 1]):
+        for q in range(
+            made.tile_start[t], made.tile_start[t + 1] if t + 1 < tiles else slot.shape[0]
+        ):
             for k in range(LANES):
-                rank, first, second = slot[q, k], empty, empty + 1
+                rank, c, first, second = -1, -1, empty, empty + 1
+                if q < batches:
+                    rank = made.slot[q, k]
                 if rank >= 0:
-                    c, first, second = made.order[rank], bodies[rank, FIRST], bodies[rank, SECOND]
-                    slot[q, k], lane[c] = c, LANES * q + k
-                pair[q, FIRST, k], pair[q, SECOND, k] = 4 * first, 4 * second
+                    c, first, second = (
+                        made.order[rank], made.bodies[rank, FIRST], made.bodies[rank, SECOND],
+                    )  # fmt: skip
+                    lane[c] = LANES * q + k
+                slot[q, k], pair[q, FIRST, k], pair[q, SECOND, k] = c, 4 * first, 4 * second
                 frame[q, MASS, k] = about[q, SMALLER, k] = 1.0
     for k in range(made.general.size):
         lane[made.general[k]] = -1 - k
@@ -430,6 +444,8 @@ class Schedule(NamedTuple):
         face_pair: Rows of their bodies, shape ``(f, 2)``.
         face_start: First of them of each tile, shape ``(tiles + 1,)``.
         face_rest: Faces with walls that have a free degree of freedom.
+        room: First batch of the last tile, number of batches in use, first row that is no body's,
+            and the number of general contacts: where the next late contact goes.
     """
 
     slot: Ints
@@ -457,6 +473,30 @@ class Schedule(NamedTuple):
     face_pair: Ints
     face_start: NDArray[np.int64]
     face_rest: Ints
+    room: tuple[int, int, int, int]
+
+    def with_late(
+        self, room: tuple[int, int, int, int], lane: Ints, walls: Ints, general: Ints
+    ) -> Schedule:
+        """The same with more contacts, for which `place_late` has found lanes."""
+        of_general = self.of_general
+        if general.size > self.general.size:
+            of_general = rows_of_general(general.size)
+        return self._replace(
+            room=room, lane=lane, walls=walls, general=general,
+            of_walls=np.concatenate([walls, general]), of_general=of_general,
+        )  # fmt: skip
+
+    def cut(self) -> Schedule:
+        """The same with the batches that are in use alone; they share memory."""
+        start, used = self.tile_start.copy(), self.room[1]
+        start[-1] = used
+        return self._replace(
+            tile_start=start, slot=self.slot[:used], pair=self.pair[:used],
+            frame=self.frame[:used], impulse=self.impulse[:used], about=self.about[:used],
+            before=self.before[:used], gap=self.gap[:used], depth=self.depth[:used],
+            branch=self.branch[:used],
+        )  # fmt: skip
 
     def system(self, spin_factor: float, contacts: int) -> System:
         """The `System` of discs without couples; ``spin_factor`` and ``contacts`` as there."""
@@ -488,15 +528,20 @@ def _upright(scene: Scene) -> Floats:
 
 def schedule_contacts(
     scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_],
-    is_face: NDArray[np.bool_] = _NO_FACES,
-) -> Schedule:  # fmt: skip
+    is_face: NDArray[np.bool_] = _NO_FACES, late: Ints = _NOBODY, times: int = 1,
+) -> tuple[Schedule, Schedule]:  # fmt: skip
     """The schedule of contacts with these shapes, sorted by key; ``tile`` is from `lay_tiles`.
 
-    ``wall_is_free`` marks walls that loads move, ``is_face`` contacts of grains that are no discs.
+    ``wall_is_free`` marks walls that loads move, ``is_face`` contacts of grains that are no discs;
+    ``late`` are contacts of two discs that come after all others, in this order. Also returns the
+    schedule with all batches for which there is room: ``times`` as many as `SPARE` says, and twice
+    that if the late ones need it.
     """
-    made = arrange_contacts(scene, i, j, tile, wall_is_free, is_face)
-    general, walls, batches = made.general, made.walls, made.slot.shape[0]
-    rows, tiled = made.rows + 2 * (made.tile_start.size - 1), made.order.size - made.face_start[-1]
+    made = arrange_contacts(scene, i, j, tile, wall_is_free, is_face, late)
+    general, walls, used = made.general, made.walls, made.slot.shape[0]
+    tiled, spare = made.order.size - made.face_start[-1], times * (SPARE + walls.size // SPARE)
+    rows = made.rows + 2 * (made.tile_start.size - 1) + spare
+    batches = used + times * (SPARE + used // SPARE)
     velocity, start, middle, frame, impulse, about, before, gap, depth, branch = aligned_zeros(
         (rows, 4), (rows, 4), (rows, 4), (batches, FRAME_ROWS, LANES),
         (batches, IMPULSE_ROWS, LANES), (batches, ABOUT_ROWS, LANES),
@@ -504,17 +549,30 @@ def schedule_contacts(
         (batches if scene.height > 0.0 else 0, BRANCH_ROWS, LANES),
     )  # fmt: skip
     pair, lane = aligned((batches, PAIR_ROWS, LANES), np.int32), np.empty(i.size, np.int32)
-    fill_lanes(made, pair, lane, middle, frame, about)
-    of_general = (
-        np.zeros((general.size, 2), np.int32), np.zeros((general.size, 8)),
-        np.zeros((general.size, 2, 2)), np.zeros((general.size, 2)),
-    )  # fmt: skip
-    return Schedule(
-        made.slot, pair, made.tile_start, made.color_start, general, walls,
+    slot = np.empty((batches, LANES), np.int32)
+    fill_lanes(made, slot, pair, lane, middle, frame, about)
+    whole = Schedule(
+        slot, pair, made.tile_start, made.color_start, general, walls,
         np.concatenate([walls, general]), lane, made.place, velocity, start, middle, frame, impulse,
         about, before, gap, branch, depth, np.empty((made.place.size + wall_is_free.size, 3)),
-        of_general, made.order[tiled:].copy(), made.bodies[tiled:].copy(), made.face_start,
-        made.face_rest,
+        rows_of_general(general.size), made.order[tiled:].copy(), made.bodies[tiled:].copy(),
+        made.face_start, made.face_rest, (made.tile_start[-2], used, rows - spare, general.size),
+    )  # fmt: skip
+    if late.size:
+        room = place_late(
+            late, i, j, made.place, wall_is_free[scene.wall], rows, *whole.room, slot, pair, lane
+        )
+        if room[1] < 0:  # there were more others when these came
+            return schedule_contacts(scene, i, j, tile, wall_is_free, is_face, late, 2 * times)
+        whole = whole.with_late(room, lane, *contacts_with_walls(j, lane, made.place.size, room[3]))
+    return whole.cut(), whole
+
+
+def rows_of_general(count: int) -> tuple[Ints, Floats, Floats, Floats]:
+    """Room for bodies, frames, levers and impulses of general contacts, as in `System`."""
+    return (
+        np.zeros((count, 2), np.int32), np.zeros((count, 8)), np.zeros((count, 2, 2)),
+        np.zeros((count, 2)),
     )  # fmt: skip
 
 

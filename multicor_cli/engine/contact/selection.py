@@ -7,8 +7,6 @@ that a run which goes on from a checkpoint makes the same steps.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +26,13 @@ from multicor_cli.engine.contact.faces import (
     rows_of_faces,
 )
 from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
+from multicor_cli.engine.contact.late import (
+    closing_soon,
+    contacts_with_walls,
+    make_rows,
+    merge_late,
+    place_late,
+)
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts, span_of
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.system import carried
@@ -43,24 +48,34 @@ from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
 SKIN, LASTS = 0.05, 3.0
-"""Gap up to which pairs become contacts: over the mean diameter, and over the way of the fastest
-pair in a step. (With 0.02 and 1.5 plane shear seeks 2.3 to 2.6 times as often; a sweep then takes a
-twentieth to an eighth less, and a whole step 1 to 10 % more.)"""
+"""Gap up to which pairs become contacts: over the mean diameter; among grains that are no discs
+over the way of the fastest pair in a step, too."""
 
 AHEAD = 1.1
 """Time steps within which a pair that is no contact may not close, with velocities before the
 solve."""
 
+SOON = 6.0
+"""Time steps within which pairs of discs close that become contacts whatever their gap."""
+
+LATE_SHARE = 1.0 / 16.0
+"""Contacts that come after the others were sought, over all; with more of them all are sought."""
+
+MOST, _FEW, OFTEN = 4.0, 16, 8
+"""Contacts over the number of grains (and a few) with more of which they are sought anew, and in
+which steps: discs have six neighbors in the mean, so that three contacts would do."""
+
 
 @parallel_kernel
 def look_at_pairs(
     scene: Scene, pieces: Pieces | None, row: NDArray[np.int64], partner: Ints, start: Floats,
-    free: Floats, cutoff: float, gap: Floats,
+    free: Floats, cutoff: float, margin: float, dt: float, gap: Floats,
 ) -> float:  # fmt: skip
     """Largest speed of approach of the listed pairs with a gap below ``cutoff`` [m], or 0 [m/s].
 
     At q_m, with the velocities ``start`` or ``free``, whichever approach faster; of grains that are
-    no discs a bound. The gaps of all listed pairs of discs go into ``gap`` [m], **modified**.
+    no discs a bound. The gaps [m] of listed pairs of discs go into ``gap``, **modified**: of those
+    up to ``margin``, or that close within ``dt`` from below the cutoff; infinity of all others.
     """
     count = scene.radius.size
     fastest = np.zeros((count + CHUNK - 1) // CHUNK)
@@ -68,13 +83,16 @@ def look_at_pairs(
         best = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for p in range(row[i], row[i + 1]):
-                j = partner[p]
+                j, u_n = partner[p], 0.0
                 g, nx, ny = pair_geometry(scene, i, j)
-                if gap.size:
-                    gap[p] = g
                 if g < cutoff:
-                    best = max(best, -closing_velocity(scene, pieces, start, i, j, nx, ny, g))
-                    best = max(best, -closing_velocity(scene, pieces, free, i, j, nx, ny, g))
+                    u_n = min(
+                        closing_velocity(scene, pieces, start, i, j, nx, ny, g),
+                        closing_velocity(scene, pieces, free, i, j, nx, ny, g),
+                    )
+                    best = max(best, -u_n)
+                if gap.size:
+                    gap[p] = g if g <= margin or (u_n < 0.0 and g + dt * u_n < 0.0) else np.inf
         fastest[chunk] = best
     best = 0.0
     for chunk in range(fastest.size):
@@ -102,7 +120,10 @@ def closing_velocity(
 def points_up_to(
     scene: Scene, pieces: Pieces, row: NDArray[np.int64], partner: Ints, margin: float
 ) -> tuple[Ints, Ints, Ints]:
-    """As `pairs_up_to`, with the number of points that each pair has room for; 1 of discs."""
+    """Listed pairs with a gap up to ``margin``, and the number of points that each has room for.
+
+    That is 1 of discs.
+    """
     first, second = np.empty(partner.size, np.int32), np.empty(partner.size, np.int32)
     room, found = np.empty(partner.size, np.int32), 0
     for i in range(row.size - 1):
@@ -121,10 +142,10 @@ def points_up_to(
 
 
 @kernel
-def pairs_up_to(
-    scene: Scene, row: NDArray[np.int64], partner: Ints, gap: Floats, margin: float
+def near_pairs(
+    scene: Scene, row: NDArray[np.int64], partner: Ints, gap: Floats
 ) -> tuple[Ints, Ints, Ints, Ints, float]:
-    """Grains i, and grains or wall shapes j, of the listed pairs with a gap up to ``margin``.
+    """Grains i, and grains or wall shapes j, of the listed pairs with a finite ``gap``.
 
     Then the other listed pairs, and the largest distance between the centers of two grains of the
     first [m]. Gaps are those of `look_at_pairs`.
@@ -136,7 +157,7 @@ def pairs_up_to(
     for i in range(grains):
         for p in range(row[i], row[i + 1]):
             # Nobody could guess which are near: each is written, and the next over it
-            j, is_near = partner[p], gap[p] <= margin
+            j, is_near = partner[p], gap[p] < np.inf
             first[found], second[found] = i, j
             beside_i[beside], beside_j[beside] = i, j
             found += is_near
@@ -249,6 +270,7 @@ def deep_pairs(
 
 
 _OF_SOME_LAWS = "attraction", "mu_r", "arm", "u_r", "p_r"
+_BLANK = np.zeros(1, CONTACT)
 _NO_ROOM, _NO_FACES, _NOBODY = np.empty(0, np.int32), np.empty(0, np.bool_), np.empty((0, 4))
 
 
@@ -262,6 +284,7 @@ class Selection:
         pair_j: Likewise.
         room: Number of points of each pair for which there is room; of size 0 among discs.
         faces: Pairs of which one is no disc, and their room.
+        late: The how manieth of these pairs came after they were sought, as in a state.
         tile: Column and row of the tile of each grain when they were sought, shape ``(n, 2)``.
         contacts: Their table, for each step to fill.
     """
@@ -270,12 +293,14 @@ class Selection:
         self._model, self._pairs, self._pieces = model, pairs, pieces
         self.pair_i: Ints = np.empty(0, np.int32)
         self.pair_j: Ints = np.empty(0, np.int32)
-        self.room, self.faces = _NO_ROOM, NO_FACES
+        self.room, self.faces, self.late = _NO_ROOM, NO_FACES, _NO_ROOM
         self.i: Ints = np.empty(0, np.int32)
         self.j: Ints = np.empty(0, np.int32)
         self.tile: Ints = np.zeros((model.grain_count, 2), np.int32)
-        self.contacts: Contacts = np.zeros(0, CONTACT)
+        self._table: Contacts = np.zeros(0, CONTACT)  # with spare rows
+        self.contacts = self._table
         self._schedule: Schedule | None = None
+        self._whole: Schedule | None = None  # with spare batches
         self._system: System | None = None
         self._is_free: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._laws: ContactLaws | None = None
@@ -290,7 +315,7 @@ class Selection:
         """Go on with the contacts of a state, if they are not those that it was given."""
         is_same = self.pair_i is state.near_i and self.pair_j is state.near_j
         if not (is_same and self.tile is state.tile):
-            self._set(state.near_i, state.near_j, state.tile, state.near_points)
+            self._set(state.near_i, state.near_j, state.tile, state.near_points, state.near_late)
 
     def give(self, state: State) -> None:
         """Enter the contacts, and those that carry an impulse, into a state."""
@@ -306,7 +331,7 @@ class Selection:
     ) -> None:
         """As `give`: (i, j) are the contacts that carry an ``impulse``, at a ``point`` of faces."""
         state.near_i, state.near_j, state.tile = self.pair_i, self.pair_j, self.tile
-        state.near_points = self.room
+        state.near_points, state.near_late = self.room, self.late
         state.contact_i, state.contact_j = i, j
         if point is not None:
             state.contact_point = point
@@ -346,42 +371,34 @@ class Selection:
             )  # fmt: skip
             self._entered = None
 
-    def look(
-        self, scene: Scene, start: Floats, free: Floats, cutoff: float, dt: float
-    ) -> tuple[float, Floats]:
-        """Gap up to which contacts should be sought [m], as velocities before the solve tell.
+    def seek(
+        self, scene: Scene, pieces: Pieces | None, start: Floats, free: Floats, cutoff: float,
+        dt: float, margin: float,
+    ) -> float:  # fmt: skip
+        """Take all pairs with a gap up to ``margin`` [m], and those that close soon.
 
-        ``cutoff`` is a gap that no pair closes, up to which the list is complete [m]. Also returns
-        the gaps of all listed pairs of discs, for `seek`.
-        """
-        pairs, gap = self._pairs, self._room_for_gaps()
-        fastest = look_at_pairs(
-            scene, self._pieces, pairs.row, pairs.partner, start, free, cutoff, gap
-        )
-        return LASTS * dt * fastest, gap
-
-    def _room_for_gaps(self) -> Floats:
-        return np.empty(self._pairs.partner.size if self._pieces is None else 0)
-
-    def seek(self, scene: Scene, pieces: Pieces | None, margin: float, gap: Floats) -> None:
-        """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`; ``pieces`` as they lie.
-
-        ``gap`` is from `look`; the list has been looked at in this scene.
+        The list has been looked at in this scene; ``pieces`` are as they lie, other arguments as
+        those of `closing`. Returns the margin: among grains that are no discs it is greater where
+        they are fast.
         """
         pairs, diameter = self._pairs, self._model.mean_diameter
-        margin, builds = max(margin, SKIN * diameter), pairs.builds
         if margin > pairs.complete:
             pairs.update(scene, margin)
-        if pieces is not None:
-            i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
-            self._set(i, j, lay_tiles(scene, span_of(scene, i, j), diameter), room)
-            return
-        if pairs.builds != builds:
-            gap = self._room_for_gaps()
-            look_at_pairs(scene, None, pairs.row, pairs.partner, _NOBODY, _NOBODY, -math.inf, gap)
-        i, j, *beside, span = pairs_up_to(scene, pairs.row, pairs.partner, gap, margin)
-        self._set(i, j, lay_tiles(scene, span, diameter), _NO_ROOM)
-        self._lay_beside(*beside)
+        gap = np.empty(pairs.partner.size if pieces is None else 0)
+        fastest = look_at_pairs(
+            scene, pieces, pairs.row, pairs.partner, start, free, cutoff, margin, SOON * dt, gap
+        )
+        if pieces is None:
+            i, j, *beside, span = near_pairs(scene, pairs.row, pairs.partner, gap)
+            self._set(i, j, lay_tiles(scene, span, diameter), _NO_ROOM)
+            self._lay_beside(*beside)
+            return margin
+        margin = max(margin, LASTS * dt * fastest)
+        if margin > pairs.complete:
+            pairs.update(scene, margin)
+        i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
+        self._set(i, j, lay_tiles(scene, span_of(scene, i, j), diameter), room)
+        return margin
 
     def add(self, scene: Scene, impacts: Impacts) -> None:
         """Take pairs that have had impacts too, wherever they are in the middle of the step."""
@@ -392,17 +409,68 @@ class Selection:
         tile = lay_tiles(scene, span_of(scene, i, j), self._model.mean_diameter)
         self._set(i, j, tile, _NO_ROOM)
 
-    def _set(self, i: Ints, j: Ints, tile: Ints, room: Ints) -> None:
+    def receive(
+        self, scene: Scene, wall_is_free: NDArray[np.bool_], laws: ContactLaws, start: Floats,
+        free: Floats, state: State, cutoff: float, dt: float, reach: float,
+    ) -> bool:  # fmt: skip
+        """Take pairs of discs that close soon, too; False if contacts are to be sought instead.
+
+        Arguments as those of `schedule`, of which ``bodies`` are ``start``, and of `closing`.
+        """
+        if self._pieces is not None:
+            return False
+        first, second, *beside = closing_soon(
+            scene, *self.beside, start, free, cutoff, SOON * dt, reach
+        )
+        if np.count_nonzero(self.late) + first.size > LATE_SHARE * self.i.size:
+            return False
+        old, grains = self.schedule(scene, wall_is_free, laws, start, state), scene.radius.size
+        whole = self._whole
+        assert whole is not None  # `schedule` has made it
+        i, j, late, lane, to, new = merge_late(
+            self.i, self.j, self.late, first, second, old.lane, old.slot
+        )
+        room = place_late(
+            new, i, j, whole.place, wall_is_free[scene.wall], whole.velocity.shape[0], *whole.room,
+            whole.slot, whole.pair, lane,
+        )  # fmt: skip
+        if room[1] < 0:
+            return False
+        make_rows(self._table, _BLANK, i, j, to, new, grains)
+        self._whole = whole.with_late(room, lane, *contacts_with_walls(j, lane, grains, room[3]))
+        schedule, last = self._whole.cut(), room[0]
+        fix_lanes(
+            scene, laws, start, i, j, schedule.slot[last:], schedule.about[last:],
+            schedule.frame[last:],
+        )  # fmt: skip
+        self.i, self.j = self.pair_i, self.pair_j = i, j
+        self.late, self._schedule, self._system = late, schedule, None
+        self.contacts, self._impulse = self._table[: i.size], state.contact_impulse
+        self._lay_beside(*beside)
+        return True
+
+    def is_crowded(self, state: State) -> bool:
+        """Whether far more pairs of discs are contacts than can be, as they were fast when sought.
+
+        Not in every step: among grains of very different sizes that may be so for good.
+        """
+        is_one = self._pieces is None and state.step % OFTEN == 0
+        return is_one and self.i.size > MOST * (self._model.grain_count + _FEW)
+
+    def _set(self, i: Ints, j: Ints, tile: Ints, room: Ints, late: Ints = _NO_ROOM) -> None:
         self.i, self.j, self.tile = self.pair_i, self.pair_j, _ = i, j, tile
-        self.room, self.faces = room, NO_FACES
+        self.room, self.faces, self.late = room, NO_FACES, late
         if self._pieces is not None:
             self.i, self.j, self.faces = make_room(self._pieces, i, j, room)
-        self.contacts = np.zeros(self.i.size, CONTACT)
+        spare = 0 if self._pieces is not None else int(2.0 * LATE_SHARE * self.i.size)
+        self._table = np.zeros(self.i.size + spare, CONTACT)
+        self.contacts = self._table[: self.i.size]
         # Two discs have their rows when these are asked for: memory that nobody looks at costs most
         rows = slice(None) if self._pieces is not None else j >= self._model.grain_count
         self.contacts["i"][rows], self.contacts["j"][rows] = self.i[rows], self.j[rows]
         self.contacts["key"][rows] = -1
-        self._schedule = self._system = self._beside = self._entered = self._writers = None
+        self._schedule = self._whole = self._system = None
+        self._beside = self._entered = self._writers = None
         self._impulse = np.empty((0, 2))
 
     def schedule(
@@ -425,8 +493,10 @@ class Selection:
         schedule = self._schedule
         is_same = self._is_free is wall_is_free or np.array_equal(self._is_free, wall_is_free)
         if schedule is None or not is_same:
-            schedule = schedule_contacts(
-                scene, self.i, self.j, self.tile, wall_is_free, self._are_faces()
+            came = np.argsort(self.late, kind="stable")
+            late: Ints = came[came.size - np.count_nonzero(self.late) :].astype(np.int32)
+            schedule, self._whole = schedule_contacts(
+                scene, self.i, self.j, self.tile, wall_is_free, self._are_faces(), late
             )
             self._laws, self._impulse = None, np.empty((0, 2))
             self._entered = self._system = None
@@ -464,12 +534,16 @@ class Selection:
         is_same = self.pair_i is state.near_i and self.tile is state.tile
         is_known = self._impulse is state.contact_impulse
         is_laid = self._schedule is not None and self._is_free is wall_is_free
-        if not (is_same and is_known and is_laid and self._laws is laws):
+        if not (is_same and is_known and is_laid and self._laws is laws) or self.is_crowded(state):
             return False
         self._take_back()
         # A step that is not finished leaves others behind
         self._impulse = np.empty((0, 2))
         return True
+
+    def wait(self, state: State) -> None:
+        """Go on from `go_on` as if it had not been asked: nothing has changed the lanes since."""
+        self._impulse = state.contact_impulse
 
     def system(self, spin_factor: float) -> System:
         """The problem in these lanes, as `Schedule.system`."""

@@ -291,8 +291,10 @@ def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
     state.contact_impulse = state.contact_impulse[kept]
     kept = _among(state.near_i, state.near_j, stayed)
     state.near_i, state.near_j = state.near_i[kept], state.near_j[kept]
-    if state.near_points.size:
-        state.near_points = state.near_points[kept]
+    for name in ("near_points", "near_late"):
+        values = getattr(state, name)
+        if values.size:
+            setattr(state, name, values[kept])
     kept = _among(state.bridge_i, state.bridge_j, stayed)
     state.bridge_i, state.bridge_j = state.bridge_i[kept], state.bridge_j[kept]
     kept = _among(state.mean_i, state.mean_j, stayed)

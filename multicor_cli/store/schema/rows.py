@@ -195,7 +195,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
     "flux_book": "F°",
     "expansion_grain": "n†", "expansion_book": "G†", "point_row": "C‡",
-    "near_point_row": "C‡", "grain_edge": "n+1",
+    "near_point_row": "C‡", "late_row": "C′", "grain_edge": "n+1",
     "piece": "p", "piece_edge": "p+1", "corner": "v",
 }  # fmt: skip
 
