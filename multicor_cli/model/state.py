@@ -408,8 +408,9 @@ def find_misfit(state: State, model: Model) -> str | None:
     wrong = _find_wrong_pairs(state, model)
     if wrong is not None:
         return wrong
-    if (state.tile < 0).any():
-        return "tile is negative"
+    for name in ("tile", "near_late"):
+        if (getattr(state, name) < 0).any():
+            return f"{name} is negative"
     for name in _COUNTS:
         if getattr(state, name) < 0:
             return f"{name} is negative"

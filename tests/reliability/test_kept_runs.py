@@ -22,19 +22,20 @@ VERSIONS = sorted(
 )
 
 ENDS = {
-    "1.0": {"state": "282d3a6848d8d583f2cc988296889879", "data": "e5b0a7005539e5cd0967e08346bb7c92"},
-    "1.1": {"state": "5728bd89b9837022dcc2174ce568355f", "data": "f379a5bf212a2db215ad9e4df6a980b5"},
-    "1.2": {"state": "5728bd89b9837022dcc2174ce568355f", "data": "70e79a6e148cbc192e96d4d25c3983c4"},
-    "1.3": {"state": "5728bd89b9837022dcc2174ce568355f", "data": "95c1188c19f4d50112df811bb5196e8c"},
-    "1.4": {"state": "ce663697e6f7debcbd563f1282ecd05c", "data": "450801abfaaa195cb539e27ca3831d32"},
-    "1.5": {"state": "db6b4f6050298c7323fc811019229044", "data": "20919bf06887f1a1cee3a42f2f38ae05"},
-    "1.6": {"state": "e4f9a3583de96e8bed7cfbc17a214de5", "data": "637a7d6758232e4502ca47db8fd8c21a"},
-    "1.7": {"state": "b9585687dcbb64b9ab3bd00e7be7d577", "data": "c95e0dd1ba65728df8722a96de2d252b"},
-    "1.8": {"state": "c0f2caf2965f76d2bd02fdfc83299872", "data": "324f128e2559d534a27ea10c40978d15"},
-    "1.9": {"state": "c0f2caf2965f76d2bd02fdfc83299872", "data": "324f128e2559d534a27ea10c40978d15"},
-    "1.10": {"state": "c0f2caf2965f76d2bd02fdfc83299872", "data": "e415bd8db9fc774395cad18150549615"},
-    "1.11": {"state": "5f7c0bebd3727dd18abdf87d2b676a6b", "data": "2601c9eab4f9821b6cd249b70f2351a9"},
+    "1.0": {"state": "a1dbe394a4c05446ff8a5e1764ab507d", "data": "51ecd6c5d1787ea05310fc5f8cbc33af"},
+    "1.1": {"state": "af9ed9ad475b94420a93a417409d360a", "data": "8f316a29a08a2951660632c8d1d2a4bc"},
+    "1.2": {"state": "af9ed9ad475b94420a93a417409d360a", "data": "8954dfe1afe2d646d5ce518dd120b9f5"},
+    "1.3": {"state": "af9ed9ad475b94420a93a417409d360a", "data": "fe1fc7084c7944fc1504dfa289022c8d"},
+    "1.4": {"state": "39ead0a54bacdbd0164b8d8aeb1aac2a", "data": "a609526df69ad611d0994718c703c8cb"},
+    "1.5": {"state": "d072d45eb9aca62f5377d0df9804df26", "data": "284e84f07135cf6a870550cb33305655"},
+    "1.6": {"state": "fcd716aa5344a66b89837f4eaa27e6e4", "data": "941deb33d77e3f182623ef6e72473fe2"},
+    "1.7": {"state": "02480295e081e6f31bd7f18394a0902f", "data": "09a72d67a6553bc2161f3259968120c9"},
+    "1.8": {"state": "6758752b1202714b55a4bf25642b3a8a", "data": "b85d2f9905685467b70f0d5dd5bb8af5"},
+    "1.9": {"state": "6758752b1202714b55a4bf25642b3a8a", "data": "b85d2f9905685467b70f0d5dd5bb8af5"},
+    "1.10": {"state": "6758752b1202714b55a4bf25642b3a8a", "data": "dd68cb8e7fc749ae09b37950e0edad07"},
+    "1.11": {"state": "f5df7e51a26d2f6ffc06fa7b96f008dc", "data": "39b3700e1ffc689f28b8f5b8ce0bbf97"},
     "1.12": {"state": "244bc0d383e812f2aec1abe14a5ce43b", "data": "176679df54f772f09055a88caf84cd82"},
+    "1.13": {"state": "c1ddd707c3e1915451306d8d08429f19", "data": "ed8f6d69031eaa38bae237116c4ab2db"},
 }  # fmt: skip
 """Digests with which the unfinished run of each version ends, whose files stay of that version.
 They are frozen anew when results change (CHANGELOG.md), the archive stays."""
