@@ -30,7 +30,7 @@ from multicor_cli.engine.contact.faces import (
 from multicor_cli.engine.contact.flight import leave_flights_out
 from multicor_cli.engine.contact.impacts import are_contacts
 from multicor_cli.engine.contact.rolling import begin_rolling
-from multicor_cli.engine.contact.selection import AHEAD, LASTS, SKIN
+from multicor_cli.engine.contact.selection import AHEAD, LASTS
 from multicor_cli.engine.contact.solve import ResidualScale
 from multicor_cli.engine.contact.system import (
     OrderedSystem,
@@ -137,10 +137,10 @@ class StepContacts:
     def seek(self, step: Prediction, least: float = 0.0) -> float:
         """Other contacts: all pairs up to a gap that is returned [m], ``least`` or more."""
         layout = self.layout
-        margin = max(least, longest_reach(self.laws) + SKIN * self.model.mean_diameter)
         return layout.selection.seek(
-            step.scene, step.pieces, layout.before, layout.free, step.cutoff, step.dt, margin
-        )
+            step.scene, step.pieces, layout.before, layout.free, step.cutoff, step.dt,
+            longest_reach(self.laws), least,
+        )  # fmt: skip
 
     def list_up_to(self, gap: float, step: Prediction) -> None:
         """Let the list be complete up to a gap at q_m, where it has been looked at before."""

@@ -271,7 +271,7 @@ def deep_pairs(
 
 _OF_SOME_LAWS = "attraction", "mu_r", "arm", "u_r", "p_r"
 _BLANK = np.zeros(1, CONTACT)
-_NO_ROOM, _NO_FACES, _NOBODY = np.empty(0, np.int32), np.empty(0, np.bool_), np.empty((0, 4))
+_NO_ROOM, _NO_FACES = np.empty(0, np.int32), np.empty(0, np.bool_)
 
 
 class Selection:
@@ -291,6 +291,7 @@ class Selection:
 
     def __init__(self, model: Model, pairs: NeighborList, pieces: Pieces | None = None) -> None:
         self._model, self._pairs, self._pieces = model, pairs, pieces
+        self._has_corners = pieces is not None and bool(pieces.is_face.any())
         self.pair_i: Ints = np.empty(0, np.int32)
         self.pair_j: Ints = np.empty(0, np.int32)
         self.room, self.faces, self.late = _NO_ROOM, NO_FACES, _NO_ROOM
@@ -373,27 +374,28 @@ class Selection:
 
     def seek(
         self, scene: Scene, pieces: Pieces | None, start: Floats, free: Floats, cutoff: float,
-        dt: float, margin: float,
+        dt: float, reach: float, least: float,
     ) -> float:  # fmt: skip
-        """Take all pairs with a gap up to ``margin`` [m], and those that close soon.
+        """Take all pairs with a gap up to a margin, ``least`` [m] or more, and that close soon.
 
         The list has been looked at in this scene; ``pieces`` are as they lie, other arguments as
         those of `closing`. Returns the margin: among grains that are no discs it is greater where
         they are fast.
         """
         pairs, diameter = self._pairs, self._model.mean_diameter
+        margin = max(least, reach + SKIN * diameter)
         if margin > pairs.complete:
             pairs.update(scene, margin)
-        gap = np.empty(pairs.partner.size if pieces is None else 0)
+        gap = np.empty(0 if self._has_corners else pairs.partner.size)
         fastest = look_at_pairs(
             scene, pieces, pairs.row, pairs.partner, start, free, cutoff, margin, SOON * dt, gap
         )
-        if pieces is None:
+        if pieces is None or not self._has_corners:
             i, j, *beside, span = near_pairs(scene, pairs.row, pairs.partner, gap)
-            self._set(i, j, lay_tiles(scene, span, diameter), _NO_ROOM)
+            self._set(i, j, lay_tiles(scene, span, diameter), self._one_each(i.size))
             self._lay_beside(*beside)
             return margin
-        margin = max(margin, LASTS * dt * fastest)
+        margin = max(margin, reach + LASTS * dt * fastest)
         if margin > pairs.complete:
             pairs.update(scene, margin)
         i, j, room = points_up_to(scene, pieces, pairs.row, pairs.partner, margin)
@@ -409,6 +411,10 @@ class Selection:
         tile = lay_tiles(scene, span_of(scene, i, j), self._model.mean_diameter)
         self._set(i, j, tile, _NO_ROOM)
 
+    def _one_each(self, count: int) -> Ints:
+        """Room for the points of so many pairs of discs."""
+        return _NO_ROOM if self._pieces is None else np.ones(count, np.int32)
+
     def receive(
         self, scene: Scene, wall_is_free: NDArray[np.bool_], laws: ContactLaws, start: Floats,
         free: Floats, state: State, cutoff: float, dt: float, reach: float,
@@ -417,7 +423,7 @@ class Selection:
 
         Arguments as those of `schedule`, of which ``bodies`` are ``start``, and of `closing`.
         """
-        if self._pieces is not None:
+        if self._has_corners:
             return False
         first, second, *beside = closing_soon(
             scene, *self.beside, start, free, cutoff, SOON * dt, reach
@@ -444,8 +450,11 @@ class Selection:
             schedule.frame[last:],
         )  # fmt: skip
         self.i, self.j = self.pair_i, self.pair_j = i, j
-        self.late, self._schedule, self._system = late, schedule, None
+        self.room, self.late = self._one_each(i.size), late
+        self._schedule, self._system = schedule, None
         self.contacts, self._impulse = self._table[: i.size], state.contact_impulse
+        if self._pieces is not None:
+            self._name_rows(slice(None))
         self._lay_beside(*beside)
         return True
 
@@ -454,24 +463,27 @@ class Selection:
 
         Not in every step: among grains of very different sizes that may be so for good.
         """
-        is_one = self._pieces is None and state.step % OFTEN == 0
-        return is_one and self.i.size > MOST * (self._model.grain_count + _FEW)
+        if self._has_corners or state.step % OFTEN != 0:
+            return False
+        return self.i.size > MOST * (self._model.grain_count + _FEW)
 
     def _set(self, i: Ints, j: Ints, tile: Ints, room: Ints, late: Ints = _NO_ROOM) -> None:
         self.i, self.j, self.tile = self.pair_i, self.pair_j, _ = i, j, tile
         self.room, self.faces, self.late = room, NO_FACES, late
         if self._pieces is not None:
             self.i, self.j, self.faces = make_room(self._pieces, i, j, room)
-        spare = 0 if self._pieces is not None else int(2.0 * LATE_SHARE * self.i.size)
+        spare = 0 if self._has_corners else int(2.0 * LATE_SHARE * self.i.size)
         self._table = np.zeros(self.i.size + spare, CONTACT)
         self.contacts = self._table[: self.i.size]
         # Two discs have their rows when these are asked for: memory that nobody looks at costs most
-        rows = slice(None) if self._pieces is not None else j >= self._model.grain_count
-        self.contacts["i"][rows], self.contacts["j"][rows] = self.i[rows], self.j[rows]
-        self.contacts["key"][rows] = -1
+        self._name_rows(slice(None) if self._pieces is not None else j >= self._model.grain_count)
         self._schedule = self._whole = self._system = None
         self._beside = self._entered = self._writers = None
         self._impulse = np.empty((0, 2))
+
+    def _name_rows(self, rows: slice | NDArray[np.bool_]) -> None:
+        self.contacts["i"][rows], self.contacts["j"][rows] = self.i[rows], self.j[rows]
+        self.contacts["key"][rows] = -1
 
     def schedule(
         self,

@@ -63,6 +63,7 @@ def test_lanes_are_those_of_a_schedule_that_is_made_at_once(law, monkeypatch):
 @pytest.mark.parametrize("law", [{}, {"restitution": 0.5}, {"adhesion": 1.0}, {"rolling": 0.3}])
 def test_a_state_with_late_contacts_goes_on_to_the_same_bits(law, monkeypatch):
     monkeypatch.setattr(module, "SKIN", 0.01)
+    monkeypatch.setattr(module, "LATE_SHARE", 0.5)
     engine, kept = shear_engine(columns=8, rows=6, **law), {}
     for step in range(160):
         if engine.state.near_late.any() and len(kept) < 12:
@@ -172,6 +173,7 @@ def test_late_contacts_that_fit_no_pairs_are_refused(wrong):
 def test_a_stage_with_another_kind_of_wall_knows_late_contacts(monkeypatch):
     """A lid that is held was general before, and is not now: all lanes are laid anew."""
     monkeypatch.setattr(module, "SKIN", 0.01)
+    monkeypatch.setattr(module, "LATE_SHARE", 0.5)
     engine = shear_engine(columns=8, rows=6)
     for step in range(160):
         engine.step(DT, step * DT)
