@@ -120,8 +120,8 @@ class State:
         "i4", only_with="outlines", since=(1, 12),
     )  # fmt: skip
     near_late: Ints = _array(
-        ("late_row",), "1", "the how manieth of these pairs to come after the others were sought; "
-        "0 if it was among those", "i4", since=(1, 13),
+        ("late_row",), "1", "which of these pairs came after contacts were sought: 1, 2, … in this "
+        "order; 0 of all others", "i4", since=(1, 13),
     )  # fmt: skip
     tile: Ints = _array(("grain", 2), "1",
         "column and row of the tile in which a grain was when these pairs were sought", "i4",

@@ -1,9 +1,10 @@
 """Contacts that come late: pairs that close although they were not near when contacts were sought.
 
-Between two searches a pair or two may close in any step, because a grain that is hit is suddenly
-fast. They go after all other contacts, in the last tile, which no two threads share. Each goes
-where the schedule of all contacts would put it next, so that it does not matter how many come at
-once: a state says which came late, and in what order, and another process has the same lanes.
+A grain that is hit is suddenly fast, so that in a flow a pair or two close in any step that nobody
+expected to. They go after all other contacts, into the last tile, which one thread relaxes. Each
+gets the first lane that the schedule of all contacts would give it, so that it does not matter how
+many come at once: a state says which came late, and in what order, and another process that takes
+it up has the same lanes.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def merge_late(
 ) -> tuple[Ints, Ints, Ints, Ints, Ints, Ints]:  # fmt: skip
     """Contacts (i, j) with those of (first, second), sorted as both are, which come ``late``.
 
-    Also returns the how manieth of all late ones each is, their lanes as far as they have any, and
+    Also returns in what order late ones came (0 of others), lanes as far as contacts have any, and
     where the former and the latter are now. Those in ``slot``, **modified**, are numbered anew.
     """
     count, more, k = i.size, first.size, 0
@@ -155,9 +156,9 @@ def merge_late(
 def make_rows(
     table: Contacts, blank: Contacts, i: Ints, j: Ints, to: Ints, new: Ints, grains: int
 ) -> None:
-    """Move contacts with walls in a table, **modified**, to where they are among more (i, j).
+    """Move contacts with walls in a table, **modified**, to where they are now among (i, j).
 
-    ``to`` and ``new`` are from `merge_late`; a row that nobody has is ``blank``.
+    ``to`` and ``new`` are from `merge_late`; rows that are left are ``blank``.
     """
     for c in range(to.size - 1, -1, -1):
         if j[to[c]] >= grains and to[c] > c:

@@ -284,7 +284,7 @@ class Selection:
         pair_j: Likewise.
         room: Number of points of each pair for which there is room; of size 0 among discs.
         faces: Pairs of which one is no disc, and their room.
-        late: The how manieth of these pairs came after they were sought, as in a state.
+        late: Which pairs came late, and in what order: `near_late` of a state.
         tile: Column and row of the tile of each grain when they were sought, shape ``(n, 2)``.
         contacts: Their table, for each step to fill.
     """
