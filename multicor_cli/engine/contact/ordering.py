@@ -16,12 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.late import (
-    NOWHERE,
-    SPACING,
-    contacts_with_walls,
-    place_late,
-)
+from multicor_cli.engine.contact.late import NOWHERE, SPACING, contacts_with_walls, place_late
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.vector_step import ABOUT_ROWS, SMALLER
 from multicor_cli.engine.contact.vector_sweep import (
@@ -395,9 +390,8 @@ def fill_lanes(
     for t in range(tiles):
         empty = made.rows + 2 * t
         middle[empty + 1, X] = 1.0
-        for q in range(
-            made.tile_start[t], made.tile_start[t + 1] if t + 1 < tiles else slot.shape[0]
-        ):
+        last = made.tile_start[t + 1] if t + 1 < tiles else slot.shape[0]
+        for q in range(made.tile_start[t], last):
             for k in range(LANES):
                 rank, c, first, second = -1, -1, empty, empty + 1
                 if q < batches:
