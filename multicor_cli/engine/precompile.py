@@ -207,7 +207,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
 
 def _schedule(model: Model, scene: Scene) -> Schedule:
     tile = lay_tiles(scene, 0.0, model.mean_diameter)
-    return schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))[0]
+    return schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_)).cut()
 
 
 def _prepare(

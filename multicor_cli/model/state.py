@@ -107,8 +107,8 @@ class State:
         ("point_row",), "1", "which corner each of them is at, and of which pieces", "i4",
         only_with="outlines", since=(1, 12),
     )  # fmt: skip
-    # What else the solver looks at: all pairs that were near when contacts were last sought, which
-    # serve until another one may close, and where the grains were in the order of the sweep.
+    # What else the solver looks at: all pairs that were near when contacts were last sought or came
+    # late since, and where the grains were in the order of the sweep.
     near_i: Ints = _array(
         ("near_row",), "1", "first shape of each pair that may be in contact", "i4", since=(1, 5)
     )

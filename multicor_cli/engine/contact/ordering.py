@@ -523,12 +523,12 @@ def _upright(scene: Scene) -> Floats:
 def schedule_contacts(
     scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_],
     is_face: NDArray[np.bool_] = _NO_FACES, late: Ints = _NOBODY, times: int = 1,
-) -> tuple[Schedule, Schedule]:  # fmt: skip
+) -> Schedule:  # fmt: skip
     """The schedule of contacts with these shapes, sorted by key; ``tile`` is from `lay_tiles`.
 
     ``wall_is_free`` marks walls that loads move, ``is_face`` contacts of grains that are no discs;
-    ``late`` are contacts of two discs that come after all others, in this order. Also returns the
-    schedule with all batches for which there is room: ``times`` as many as `SPARE` says, and twice
+    ``late`` are contacts of discs that come after all others, in this order. It has all batches for
+    which there is room (see `Schedule.cut`): ``times`` as many to spare as `SPARE` says, and twice
     that if the late ones need it.
     """
     made = arrange_contacts(scene, i, j, tile, wall_is_free, is_face, late)
@@ -559,7 +559,7 @@ def schedule_contacts(
         if room[1] < 0:  # there were more others when these came
             return schedule_contacts(scene, i, j, tile, wall_is_free, is_face, late, 2 * times)
         whole = whole.with_late(room, lane, *contacts_with_walls(j, lane, made.place.size, room[3]))
-    return whole.cut(), whole
+    return whole
 
 
 def rows_of_general(count: int) -> tuple[Ints, Floats, Floats, Floats]:

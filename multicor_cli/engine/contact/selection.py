@@ -1,4 +1,4 @@
-"""Which pairs are contacts: all that are near at one moment, until another pair may close.
+"""Which pairs are contacts: all that are near at one moment, and who comes late until the next.
 
 What lasts with them is not made in every step: the order in which they are relaxed, their places in
 the arrays of the sweep, and the list of the pairs beside them. The state holds which they are, so
@@ -507,9 +507,10 @@ class Selection:
         if schedule is None or not is_same:
             came = np.argsort(self.late, kind="stable")
             late: Ints = came[came.size - np.count_nonzero(self.late) :].astype(np.int32)
-            schedule, self._whole = schedule_contacts(
+            self._whole = schedule_contacts(
                 scene, self.i, self.j, self.tile, wall_is_free, self._are_faces(), late
             )
+            schedule = self._whole.cut()
             self._laws, self._impulse = None, np.empty((0, 2))
             self._entered = self._system = None
             self._schedule = schedule

@@ -24,6 +24,14 @@ from multicor_cli.model.state import find_misfit
 DT = 0.02
 
 
+def discs_anywhere(rng, count):
+    """The scene of a step of discs that lie about, many over others."""
+    places = rng.uniform(0.0, 12.0, (count, 2))
+    engine = make_engine(make_model([0.3] * count, FLOOR), places)
+    engine.step(1e-9, 0.0)
+    return engine.mechanics.moved.scene
+
+
 def at_once(engine):
     """The schedule of the same contacts, made anew from the state."""
     layout, state = engine.mechanics.layout, engine.state
@@ -100,17 +108,15 @@ def test_no_batch_has_a_body_twice_nor_within_the_spacing(monkeypatch):
 
 def test_with_more_late_contacts_than_there_is_room_for_room_is_made():
     """As after grains have left, with contacts that were there when the late ones came."""
-    rng = np.random.default_rng(3)
     count = 400
-    engine = make_engine(make_model([0.3] * count, FLOOR), rng.uniform(0.0, 10.0, (count, 2)))
-    engine.step(1e-9, 0.0)
-    scene = engine.mechanics.moved.scene
+    scene = discs_anywhere(np.random.default_rng(3), count)
     i = np.zeros(count - 1, np.int32)
     j = np.arange(1, count, dtype=np.int32)
     late = np.arange(3, count - 1, dtype=np.int32)[::-1].copy()
     tile = lay_tiles(scene, 1.0, 0.6)
     free = np.zeros(1, np.bool_)
-    schedule, whole = schedule_contacts(scene, i, j, tile, free, late=late)
+    whole = schedule_contacts(scene, i, j, tile, free, late=late)
+    schedule = whole.cut()
     placed = schedule.slot[schedule.slot >= 0]
     assert sorted(placed.tolist()) == list(range(count - 1))
     order = [schedule.lane[c] for c in late]  # all share a grain: in their order
@@ -120,11 +126,8 @@ def test_with_more_late_contacts_than_there_is_room_for_room_is_made():
 
 def test_pairs_that_close_soon_are_found_beside_all_pairs():
     """In NumPy: those within the cutoff that meet in time with either of both velocities."""
-    rng = np.random.default_rng(5)
-    count = 120
-    engine = make_engine(make_model([0.3] * count, FLOOR), rng.uniform(0.0, 12.0, (count, 2)))
-    engine.step(1e-9, 0.0)
-    scene = engine.mechanics.moved.scene
+    rng, count = np.random.default_rng(5), 120
+    scene = discs_anywhere(rng, count)
     i, j = np.triu_indices(count, 1)
     i, j = i.astype(np.int32), j.astype(np.int32)
     start, free = rng.normal(0.0, 1.0, (2, count + 1, 4))
