@@ -178,7 +178,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     mass = model.grains.mass
     push_apart(
         scene, pieces, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY),
-        _NOBODY, mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
+        mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, pieces, _NOBODY, _NOBODY)
     deep_pairs(lanes.depth, lanes.slot, lanes.of_walls, _NOBODY, _NOBODY, 1.0)

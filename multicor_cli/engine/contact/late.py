@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, normal_velocity
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, are_apart, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FIRST, SECOND
@@ -45,14 +45,16 @@ def closing_soon(
     rest_i, rest_j = np.empty(i.size, np.int32), np.empty(i.size, np.int32)
     found, rest = 0, 0
     for k in range(i.size):
-        gap, nx, ny = pair_geometry(scene, i[k], j[k])
-        closes = gap <= reach
-        if gap < cutoff:
-            u_n = min(
-                normal_velocity(scene, start, i[k], j[k], nx, ny, gap),
-                normal_velocity(scene, end, i[k], j[k], nx, ny, gap),
-            )
-            closes |= gap + dt * u_n < 0.0
+        closes = False
+        if not are_apart(scene, i[k], j[k], cutoff):
+            gap, nx, ny = pair_geometry(scene, i[k], j[k])
+            closes = gap <= reach
+            if gap < cutoff:
+                u_n = min(
+                    normal_velocity(scene, start, i[k], j[k], nx, ny, gap),
+                    normal_velocity(scene, end, i[k], j[k], nx, ny, gap),
+                )
+                closes |= gap + dt * u_n < 0.0
         first[found], second[found] = i[k], j[k]
         rest_i[rest], rest_j[rest] = i[k], j[k]
         found += closes

@@ -40,7 +40,7 @@ from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.outlines import circle_gap, room_within, true_gap
 from multicor_cli.engine.geometry.passing import fastest_points
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, are_apart, pair_geometry
 from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import inlined, kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
@@ -208,12 +208,15 @@ def find_closing(
     """Pairs that are no contacts although they close within ``dt`` or are within ``reach`` [m].
 
     ``start`` and ``end`` are velocities with either of which they may, ``cutoff`` a gap that no
-    pair closes [m]. Returns whether there is any, and their largest approach speed [m/s].
+    pair closes [m], not below the reach. Returns whether there is any, and their largest approach
+    speed [m/s].
     """
     found = np.zeros(((i.size + CHUNK - 1) // CHUNK, 2))
     for chunk in prange(found.shape[0]):
         count, fastest = 0.0, 0.0
         for k in range(chunk * CHUNK, min(i.size, (chunk + 1) * CHUNK)):
+            if pieces is None and are_apart(scene, i[k], j[k], cutoff):
+                continue
             gap, nx, ny = beside_gap(scene, pieces, i[k], j[k], cutoff)
             if gap <= reach:
                 count += 1.0
@@ -255,6 +258,12 @@ def deep_pairs(
     for k in range(of_walls.size):
         is_deep[of_walls[k]] = True
     for q in range(depth.shape[0]):
+        deepest = depth[q, 0]
+        for lane in range(1, LANES):
+            deepest = max(deepest, depth[q, lane])
+        if deepest <= least:
+            below = max(below, deepest)
+            continue
         for lane in range(LANES):
             if depth[q, lane] > least:
                 is_deep[slot[q, lane]] = True

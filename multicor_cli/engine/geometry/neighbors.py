@@ -389,13 +389,11 @@ class Around(NamedTuple):
 
     Attributes:
         start: Rows of the grains, shape ``(n + 1,)``.
-        pair: Number of each pair in the list.
         other: The other shape, ascending within a row.
         owner: Grain in whose row of the list each pair is, shape ``(pairs,)``.
     """
 
     start: NDArray[np.int64]
-    pair: NDArray[np.int64]
     other: Ints
     owner: Ints
 
@@ -413,20 +411,18 @@ def both_ways(row: NDArray[np.int64], partner: Ints) -> Around:
     for i in range(grains):
         start[i + 1] += start[i]
     fill = start[:-1].copy()
-    pair, other = np.empty(start[grains], np.int64), np.empty(start[grains], np.int32)
-    owner = np.empty(partner.size, np.int32)
+    other, owner = np.empty(start[grains], np.int32), np.empty(partner.size, np.int32)
     for i in range(grains):  # those of lower numbers come first, in order
         for p in range(row[i], row[i + 1]):
             owner[p] = i
             if partner[p] < grains:
-                at = fill[partner[p]]
-                pair[at], other[at] = p, i
+                other[fill[partner[p]]] = i
                 fill[partner[p]] += 1
     for i in range(grains):
         for p in range(row[i], row[i + 1]):
-            pair[fill[i]], other[fill[i]] = p, partner[p]
+            other[fill[i]] = partner[p]
             fill[i] += 1
-    return Around(start, pair, other, owner)
+    return Around(start, other, owner)
 
 
 # ---- The list that is kept

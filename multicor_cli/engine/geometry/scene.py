@@ -289,6 +289,16 @@ def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
 
 
 @formula
+def are_apart(scene: Scene, i: int, j: int, gap: float) -> bool:
+    """Whether a pair is one of grains, discs, with at least that gap [m]; found without a root."""
+    if j >= scene.radius.size:
+        return False
+    dx, dy = from_other(scene, i, j)
+    reach = scene.radius[i] + scene.radius[j] + gap
+    return dx * dx + dy * dy >= reach * reach
+
+
+@formula
 def known_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry` of a pair that has met: walls with ends, even if another is closer now."""
     count = scene.radius.size

@@ -21,7 +21,7 @@ from multicor_cli.engine.geometry.neighbors import Around, NeighborList
 from multicor_cli.engine.geometry.outlines import circle_gap, gap_at_least, nearest_point, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, are_convex, are_faces, place_walls
 from multicor_cli.engine.geometry.radii import smaller_of
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
+from multicor_cli.engine.geometry.scene import Scene, are_apart, pair_geometry, place_shapes
 from multicor_cli.engine.jit.arrays import copy_into
 from multicor_cli.engine.jit.compile import inlined, kernel, subroutine
 from multicor_cli.engine.motion.cell import strain_between
@@ -69,6 +69,8 @@ def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int, known: float) 
             apart = gap_at_least(scene, pieces, i, j)
         if apart >= -known * smaller:
             return min(-apart / smaller, known)
+    elif are_apart(scene, i, j, -known * smaller):
+        return known
     return -true_gap(scene, pieces, i, j)[0] / smaller
 
 
@@ -102,7 +104,6 @@ def mark_again(
     scene: Scene,
     pieces: Pieces | None,
     around: Around,
-    partner: Ints,
     tolerance: float,
     marked: NDArray[np.bool_],
 ) -> tuple[float, float]:
@@ -113,11 +114,11 @@ def mark_again(
         if not marked[k]:
             continue
         for e in range(around.start[k], around.start[k + 1]):
-            other, p = around.other[e], around.pair[e]
+            other = around.other[e]
             is_other = other < marked.size and marked[other]
             if is_other and other < k:
                 continue
-            overlap = _overlap(scene, pieces, around.owner[p], partner[p], below)
+            overlap = _overlap(scene, pieces, min(k, other), max(k, other), below)
             if overlap > tolerance:
                 again[k] = True
                 if is_other:
@@ -134,7 +135,6 @@ def surround(
     scene: Scene,
     pieces: Pieces | None,
     around: Around,
-    partner: Ints,
     near: float,
     rings: int,
     marked: NDArray[np.bool_],
@@ -153,10 +153,11 @@ def surround(
         end = found
         for k in range(begin, end):
             for e in range(around.start[grains[k]], around.start[grains[k] + 1]):
-                other, p = around.other[e], around.pair[e]
+                other = around.other[e]
                 if other >= count or marked[other]:
                     continue
-                if true_gap(scene, pieces, around.owner[p], partner[p])[0] <= near:
+                i, j = min(grains[k], other), max(grains[k], other)
+                if true_gap(scene, pieces, i, j)[0] <= near:
                     marked[other] = True
                     grains[found] = other
                     found += 1
@@ -165,7 +166,7 @@ def surround(
 
 
 @kernel
-def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+def pairs_of(around: Around, marked: NDArray[np.bool_]) -> tuple[Ints, Ints]:
     """The listed pairs (i, j) of marked grains, each once."""
     room = 0
     for k in range(marked.size):
@@ -176,10 +177,10 @@ def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[
         if not marked[k]:
             continue
         for e in range(around.start[k], around.start[k + 1]):
-            other, p = around.other[e], around.pair[e]
+            other = around.other[e]
             if other < k and marked[other]:
                 continue
-            first[found], second[found] = around.owner[p], partner[p]
+            first[found], second[found] = min(k, other), max(k, other)
             found += 1
     return first[:found], second[:found]
 
@@ -220,7 +221,6 @@ def push_pairs(
     i: Ints,
     j: Ints,
     around: Around,
-    partner: Ints,
     mass: Floats,
     inertia: Floats,
     target: float,
@@ -264,11 +264,11 @@ def push_pairs(
             if k >= count:
                 continue
             for e in range(around.start[k], around.start[k + 1]):
-                p = around.pair[e]
+                first, second = min(k, around.other[e]), max(k, around.other[e])
                 if found < queue.shape[0] and (
-                    _overlap(scene, pieces, around.owner[p], partner[p], allowed) > allowed
+                    _overlap(scene, pieces, first, second, allowed) > allowed
                 ):
-                    queue[found, FIRST], queue[found, SECOND] = around.owner[p], partner[p]
+                    queue[found, FIRST], queue[found, SECOND] = first, second
                     found += 1
     return pull_x, pull_y
 
@@ -297,7 +297,6 @@ def push_apart(
     i: Ints,
     j: Ints,
     around: Around,
-    partner: Ints,
     mass: Floats,
     inertia: Floats,
     wall_inverse: Floats,
@@ -309,7 +308,7 @@ def push_apart(
     """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
     The pairs (i, j) are those that may at first, all others overlap by ``below`` at most;
-    ``around`` and ``partner`` list all with a gap up to ``near`` [m], which take part.
+    ``around`` lists all with a gap up to ``near`` [m], which take part.
     ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
     walls, shape ``(w, 3)``: they move with everything only. **Modifies** what
     `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
@@ -318,25 +317,25 @@ def push_apart(
     above, others = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
     below = max(below, others)
     held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
-    largest, least = 0.0, np.inf
-    for radius in scene.radius:
-        largest, least = max(largest, radius), min(least, radius)
     if above > 0.0:
         pull_x, pull_y = push_pairs(
-            scene, pieces, i, j, around, partner, mass, inertia, TARGET, ALLOWED, marked
+            scene, pieces, i, j, around, mass, inertia, TARGET, ALLOWED, marked
         )
-        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
+        above, others = mark_again(scene, pieces, around, ALLOWED, marked)
         below = max(below, others)
         rounds = 1
     while above > 0.0 and rounds < ROUNDS:
+        largest, least = 0.0, np.inf
+        for radius in scene.radius:
+            largest, least = max(largest, radius), min(least, radius)
         near = min(near, CHAIN * above * largest)
         is_local = rounds <= LOCAL_ROUNDS
         if is_local:
-            count = surround(scene, pieces, around, partner, near, rings, marked)
+            count = surround(scene, pieces, around, near, rings, marked)
             is_local = count <= LOCAL_SHARE * marked.size
         if not is_local:
             marked[:] = True
-        first, second = pairs_of(around, partner, marked)
+        first, second = pairs_of(around, marked)
         shift, dx, dy = separate(
             scene, pieces, first, second, marked, mass, inertia, held if is_local else wall_inverse,
             near, TARGET, ALLOWED, ENOUGH * least, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
@@ -360,7 +359,7 @@ def push_apart(
             place_shapes(scene.kind, scene.wall, local, scene.wall_position, scene.world)
             if pieces is not None:
                 place_walls(pieces, scene, pieces.corner)
-        above, others = mark_again(scene, pieces, around, partner, ALLOWED, marked)
+        above, others = mark_again(scene, pieces, around, ALLOWED, marked)
         below = max(below, others) if is_local else others
         rounds += 1
     return max(above, below), pull_x, pull_y, rounds
@@ -403,7 +402,7 @@ def correct_positions(
         spin = model.spin_radius  # which follows grains that grow or wear
         inertia = mass * spin * spin / model.shape_factor
     overlap, pull_x, pull_y, rounds = push_apart(
-        scene, pieces, model.shapes.geometry, i, j, lists.around, lists.partner, mass,
+        scene, pieces, model.shapes.geometry, i, j, lists.around, mass,
         inertia, mobility, near, below, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:

@@ -38,14 +38,12 @@ def test_rings_and_pairs_of_marked_grains():
     assert around.owner.tolist() == [0, 1, 2, 3, 4, 5]
     assert around.other.tolist() == [1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6]
     marked = np.array([False, True, False, False, False, False])
-    assert surround(chain(), None, around, PARTNER, 0.5, 1, marked) == 3
+    assert surround(chain(), None, around, 0.5, 1, marked) == 3
     assert marked.tolist() == [True, True, True, False, False, False]
-    assert (
-        surround(chain(), None, around, PARTNER, 0.5, 9, marked) == 4
-    )  # the gap beside 3 is too wide
+    assert surround(chain(), None, around, 0.5, 9, marked) == 4  # the gap beside 3 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
     marked = np.array([False, True, True, False, False, True])
-    i, j = pairs_of(both_ways(ROW, PARTNER), PARTNER, marked)
+    i, j = pairs_of(both_ways(ROW, PARTNER), marked)
     listed = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)]
     assert sorted(zip(i.tolist(), j.tolist(), strict=True)) == listed
 
@@ -58,7 +56,7 @@ def test_overlaps_mark_grains_and_the_largest_are_told():
     assert mark_overlaps(scene, None, i, PARTNER, 0.05, marked) == pytest.approx((0.06, 0.01))
     assert marked.tolist() == [True] + [False] * 5
     around = both_ways(ROW, PARTNER)
-    assert mark_again(scene, None, around, PARTNER, 0.05, every) == pytest.approx((0.06, 0.01))
+    assert mark_again(scene, None, around, 0.05, every) == pytest.approx((0.06, 0.01))
     assert every.tolist() == [True, True] + [False] * 4
 
 
