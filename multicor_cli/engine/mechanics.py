@@ -7,12 +7,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.contact.faces import closed_beyond, stop_rebounds
 from multicor_cli.engine.contact.rolling import couples_of
 from multicor_cli.engine.contact.selection import Selection
-from multicor_cli.engine.contact.solve import Outcome, ResidualScale, solve_system
+from multicor_cli.engine.contact.solve import Outcome, solve_system
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS
 from multicor_cli.engine.energy.account import ContactSums, book_step, open_books
@@ -221,30 +220,25 @@ class Mechanics:
         layout, state, motion, settings = (
             self.layout, self.layout.state, self.motion, self.settings,
         )  # fmt: skip
-        selection, plain, n = layout.selection, self._plain, layout.model.grain_count
+        selection, contacts, plain = layout.selection, self.contacts, self._plain
+        n = layout.model.grain_count
         loaded = state.contact_i, state.contact_j, state.contact_point
-        weight = step.dt * hypot(*step.gravity.tolist())
-        thrust = step.dt * motion.pressure() * layout.model.mean_diameter
-        is_loaded = weight > 0.0 or thrust > 0.0
-
-        begun = plain.begin(layout, step, motion, self.laws, is_loaded=is_loaded)
+        pushes = contacts.pushes(step)
+        begun, closes = plain.begin(layout, step, motion, self.laws, is_loaded=any(pushes))
         if begun is None:
-            self.contacts.select(step, closes=plain.closes)
+            contacts.select(step, closes=closes)
             self.clock.stop("detect")
         struck = _NOBODY if step.flight is None else step.flight.struck
         began, margin, ended = state.position[struck] if struck.size else _NONE, 0.0, None
         while ended is None:
             if begun is None:
                 selection.schedule(step.scene, motion.is_free, self.laws, layout.before, state)
-                begun = plain.begin(
-                    layout, step, motion, self.laws, is_loaded=is_loaded, are_sought=True
+                begun, _ = plain.begin(
+                    layout, step, motion, self.laws, is_loaded=any(pushes), are_sought=True
                 )
                 assert begun is not None  # the list and the contacts are those that are needed
             speeds, is_solved = begun
-            scale = ResidualScale.of(
-                speeds, layout.mass, n, weight, thrust, 0.0, self._restitution,
-                layout.model.mean_diameter / step.dt, step.rounding,
-            )  # fmt: skip
+            scale = contacts.scale(step, speeds, pushes)
             self.clock.stop("prepare")
             outcome = _NOTHING_TO_SOLVE
             if is_solved:
@@ -256,8 +250,8 @@ class Mechanics:
             is_enough = outcome.converged or settings.on_failure == "warn"
             ended, fastest = plain.end(layout, step, motion, is_enough=is_enough)
             if fastest > 0.0:
-                margin = self.contacts.seek(step, max(2.0 * margin, 1.5 * step.dt * fastest))
-                self.contacts.select_impacts(step)
+                margin = contacts.seek(step, max(2.0 * margin, 1.5 * step.dt * fastest))
+                contacts.select_impacts(step)
                 begun = None
             else:
                 outcome.require_convergence(settings, state.step)

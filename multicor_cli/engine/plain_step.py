@@ -231,15 +231,10 @@ class Ended(NamedTuple):
 
 
 class PlainSteps:
-    """Takes steps with kernels that a step with Python between them has called before.
-
-    Attributes:
-        closes: Whether a pair that is no contact is known to close, where `begin` has given None.
-    """
+    """Takes steps with kernels that a step with Python between them has called before."""
 
     def __init__(self) -> None:
         self._kernels, self._has_flights = np.empty((0, 2), np.int64), False
-        self.closes = False
 
     def knows(self, *, rebounds: bool) -> bool:
         """Whether there has been a step to `learn` from, of grains that may rebound or do not."""
@@ -271,20 +266,21 @@ class PlainSteps:
     def begin(
         self, layout: Layout, step: Prediction, motion: WallMotion, laws: ContactLaws, *,
         is_loaded: bool, are_sought: bool = False,
-    ) -> tuple[Speeds, bool] | None:  # fmt: skip
+    ) -> tuple[tuple[Speeds, bool] | None, bool]:  # fmt: skip
         """Make `Selection.system` the problem of a step.
 
         Returns sums over its contacts, and whether there is anything to solve; None if contacts are
-        to be sought first. ``is_loaded`` says whether anything pushes grains together.
+        to be sought first. Then whether another pair is known to close. ``is_loaded`` says whether
+        anything pushes grains together.
         """
-        selection, state, flight, self.closes = layout.selection, layout.state, step.flight, False
+        selection, state, flight = layout.selection, layout.state, step.flight
         flying, more = (_NOBODY if self._has_flights else None), _NOTHING
         if flight is not None:
             flying, more = flight.flying, np.array(flight.speeds)
             if not are_contacts(flight.impacts, selection.i, selection.j):
-                return None
+                return None, False
         if not (are_sought or selection.go_on(state, laws, motion.is_free)):
-            return None
+            return None, False
         lanes, result = selection.lanes, np.empty(8)
         ratio = step.dt / state.last_dt if state.last_dt > 0.0 else 0.0
         reference, world, extent, distance, listed = layout.pairs.made_at
@@ -300,10 +296,10 @@ class PlainSteps:
         complete, *speeds, is_solved = result.tolist()
         if not are_sought:
             layout.pairs.complete = complete
-        self.closes = how == _CLOSES
-        if how != _READY:
-            selection.wait(state)
-        return (Speeds(*speeds), bool(is_solved)) if how == _READY else None
+        if how == _READY:
+            return (Speeds(*speeds), bool(is_solved)), False
+        selection.wait(state)
+        return None, how == _CLOSES
 
     def end(
         self, layout: Layout, step: Prediction, motion: WallMotion, *, is_enough: bool

@@ -206,18 +206,30 @@ class StepContacts:
             )  # fmt: skip
             speeds.append(step.flight.speeds)
             is_solved = left > 0
-        model = layout.model
-        scale = ResidualScale.of(
-            Speeds(*map(sum, zip(*speeds, strict=True))), layout.mass, model.grain_count,
-            dt * hypot(*step.gravity.tolist()),
-            dt * self.motion.pressure() * model.mean_diameter, attraction, self.restitution,
-            model.mean_diameter / dt, step.rounding,
-        )  # fmt: skip
+        of_all = Speeds(*map(sum, zip(*speeds, strict=True)))
+        scale = self.scale(step, of_all, self.pushes(step), attraction)
         if scale.velocity == 0.0 or not is_solved:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
         return contacts, scale, is_solved, lacking, beyond
+
+    def pushes(self, step: Prediction) -> tuple[float, float]:
+        """What weight does in a step, Δt |g| [m/s], and loads over a diameter, Δt P d̄ [N s]."""
+        diameter = self.layout.model.mean_diameter
+        return (
+            step.dt * hypot(*step.gravity.tolist()), step.dt * self.motion.pressure() * diameter
+        )  # fmt: skip
+
+    def scale(
+        self, step: Prediction, speeds: Speeds, pushes: tuple[float, float], attraction: float = 0.0
+    ) -> ResidualScale:
+        """The scale of the residuals, with the sums over all contacts and what `pushes`."""
+        layout = self.layout
+        return ResidualScale.of(
+            speeds, layout.mass, layout.model.grain_count, *pushes, attraction, self.restitution,
+            layout.model.mean_diameter / step.dt, step.rounding,
+        )  # fmt: skip
 
     def _begin_adhesion(self, scene: Scene, pieces: Pieces | None, dt: float) -> float:
         """Attraction into all contacts and free velocities; returns the largest F Δt [N s]."""

@@ -11,7 +11,7 @@ from multicor_cli.engine.heat.rates import Network
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.motion.drives import Constant
 
-NONE, NOTHING = np.zeros(0, np.uint32), np.zeros(0)
+NONE, NOTHING = np.zeros(0, np.int32), np.zeros(0)
 WAYS = [
     (name, is_frozen) for name in ("auto", "explicit", "implicit") for is_frozen in (False, True)
 ]
@@ -19,12 +19,12 @@ WAYS = [
 
 def network(nodes, links=(), flow=(), outside=None, area=0.0, between=0.0):
     """Links of 1 W/K with the area factor ``between``; a wall flow into nodes; an outside."""
-    i, j = np.array(links, np.uint32).reshape(-1, 2).T.copy()
+    i, j = np.array(links, np.int32).reshape(-1, 2).T.copy()
     has_outside = int(outside is not None)
     return Network(
         i, j, np.ones(i.size), np.full(i.size, between) if between else NOTHING,
         NOTHING, NONE, NONE, NOTHING, NOTHING,
-        np.array(flow, np.uint32), np.zeros(len(flow), np.uint32),
+        np.array(flow, np.int32), np.zeros(len(flow), np.int32),
         np.full(len(flow), 1.0 / max(1, len(flow))),
         np.zeros(has_outside, np.int32), np.full(has_outside, outside or 0.0),
         np.full((has_outside, nodes), 0.0 if area else 1.0), np.full((has_outside, nodes), area),

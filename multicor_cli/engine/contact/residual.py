@@ -30,15 +30,13 @@ from multicor_cli.engine.contact.vector_sweep import (
     measure_stretched_batches,
     pair_place,
 )
-from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
+from multicor_cli.engine.jit.vectors import BATCHES, HAS_VECTORS, LANES
 from multicor_cli.model.columns import NORMAL, TANGENTIAL, XX, XY, YY
 from multicor_cli.model.model import Floats, Ints
 
 _SQUARES, _NORMAL, _TANGENTIAL, _LARGEST, _ACTIVE = range(5)
-_BATCHES = CHUNK // LANES  # of a chunk
 
 
 @formula
@@ -127,9 +125,9 @@ def _measure_chunk(
     chunk: int, batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     beta: float, cell: CellTerms, partial: Floats,
 ) -> None:  # fmt: skip
-    last = min(batches, (chunk + 1) * _BATCHES)
+    last = min(batches, (chunk + 1) * BATCHES)
     squares, normal, tangential, largest, active = _measure(
-        chunk * _BATCHES, last, velocity, pair, frame, impulse, beta, cell
+        chunk * BATCHES, last, velocity, pair, frame, impulse, beta, cell
     )
     partial[chunk, _SQUARES], partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = (
         squares,
@@ -180,7 +178,7 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         s.impulse.reshape(-1),
     )
     batches = s.slot.shape[0]
-    partial = np.empty((-(-batches // _BATCHES), 5))
+    partial = np.empty((-(-batches // BATCHES), 5))
     if parallel:
         _measure_chunks(batches, velocity, pair, frame, impulse, s.spin_factor, s.cell, partial)
     else:

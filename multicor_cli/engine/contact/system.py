@@ -25,7 +25,7 @@ from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.arrays import CHUNK, aligned, copy_row
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.engine.jit.vectors import BATCHES, LANES
 from multicor_cli.model.columns import (
     BELT,
     BIAS,
@@ -154,9 +154,6 @@ def pack_bodies(
                 velocity[row, INVERSE_MASS] = 0.0
 
 
-_BATCHES = CHUNK // LANES
-
-
 @parallel_kernel
 def begin_grains(
     middle: Floats, start: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
@@ -171,14 +168,14 @@ def begin_grains(
     and ``branch``.
     """
     batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
-    sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, 6))
+    sums = np.zeros(((batches + BATCHES - 1) // BATCHES, 6))
     for chunk in prange(sums.shape[0]):
-        last = min(batches, (chunk + 1) * _BATCHES)
+        last = min(batches, (chunk + 1) * BATCHES)
         (
             sums[chunk, 0], sums[chunk, 1], sums[chunk, 2], sums[chunk, 3], sums[chunk, 4],
             sums[chunk, 5],
         ) = begin_lanes(
-            chunk * _BATCHES, last, middle.reshape(-1), start.reshape(-1), pair.reshape(-1),
+            chunk * BATCHES, last, middle.reshape(-1), start.reshape(-1), pair.reshape(-1),
             about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
             gap.reshape(-1), dt, period, half, ratio, branch.reshape(-1), height, tilt, xx, yy, xy,
         )  # fmt: skip

@@ -25,9 +25,8 @@ from multicor_cli.engine.contact.vector_step import (
 )
 from multicor_cli.engine.geometry.radii import smaller_of, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
-from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.engine.jit.vectors import BATCHES
 from multicor_cli.engine.motion.correction import Correction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
@@ -56,9 +55,6 @@ class ContactSums(NamedTuple):
     adhesion_work: float
 
 
-_BATCHES = CHUNK // LANES
-
-
 @parallel_kernel
 def account_grains(
     middle: Floats, velocity: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
@@ -70,15 +66,15 @@ def account_grains(
     In a cell (xx, yy, xy) is its gradient at the end of the step. **Modifies** ``depth``.
     """
     batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
-    sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, SUMS))
+    sums = np.zeros(((batches + BATCHES - 1) // BATCHES, SUMS))
     for chunk in prange(sums.shape[0]):
-        last = min(batches, (chunk + 1) * _BATCHES)
+        last = min(batches, (chunk + 1) * BATCHES)
         (
             sums[chunk, 0], sums[chunk, 1], sums[chunk, 2], sums[chunk, 3], sums[chunk, 4],
             sums[chunk, 5], sums[chunk, 6], sums[chunk, 7], sums[chunk, 8], sums[chunk, 9],
             sums[chunk, 10],
         ) = end_lanes(
-            chunk * _BATCHES, last, middle.reshape(-1), velocity.reshape(-1), pair.reshape(-1),
+            chunk * BATCHES, last, middle.reshape(-1), velocity.reshape(-1), pair.reshape(-1),
             about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
             gap.reshape(-1), 0.5 * dt, period, half, branch.reshape(-1), xx, yy, xy,
             depth.reshape(-1),

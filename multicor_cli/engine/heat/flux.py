@@ -20,7 +20,6 @@ import numpy as np
 
 from multicor_cli.engine.geometry.radii import other_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, shortest
-from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.network import Ends
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.heat.rates import Network
@@ -33,7 +32,7 @@ from multicor_cli.model.model import Floats, Ints
 
 @kernel
 def look_ahead(
-    scene: Scene, i: Indices, j: Indices, gradient: Floats
+    scene: Scene, i: Ints, j: Ints, gradient: Floats
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Branch vectors of pairs [m], and how much warmer the gradient [K/m] makes the second [K].
 

@@ -27,7 +27,7 @@ from multicor_cli.engine.contact.contacts import (
 from multicor_cli.engine.contact.rolling import rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import HeatLaws, Indices
+from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.jit.arrays import CHUNK, column_totals
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.formulas import formula
@@ -120,7 +120,7 @@ SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
 
 @subroutine
 def share_out(
-    scene: Scene, i: Indices, j: Indices, rows: Ints, heat: Floats, share: Floats,
+    scene: Scene, i: Ints, j: Ints, rows: Ints, heat: Floats, share: Floats,
     takes_heat: NDArray[np.bool_], generated: Floats, source: Floats, wall_source: Floats,
 ) -> None:  # fmt: skip
     """Give the heat of contacts to their two bodies; walls that take none leave it to the grain.
@@ -146,7 +146,7 @@ def share_out(
 
 @subroutine
 def wear_off(
-    scene: Scene, i: Indices, j: Indices, rows: Ints, rubbing: Floats, laws: HeatLaws,
+    scene: Scene, i: Ints, j: Ints, rows: Ints, rubbing: Floats, laws: HeatLaws,
     wear: Floats, wall_wear: Floats,
 ) -> None:  # fmt: skip
     """Add the volumes worn off the bodies of contacts to ``wear`` and ``wall_wear`` [m³].
@@ -290,10 +290,6 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
     return mu * abs(slip_speed) * normal_force
 
 
-NO_LANE = 1 << 31
-"""Lanes of contacts that have none, in which they are negative, as unsigned numbers: from here."""
-
-
 class Solved(NamedTuple):
     """The contacts of a step that has been taken; ``c`` of them.
 
@@ -301,17 +297,17 @@ class Solved(NamedTuple):
         i: Grains, shape ``(c,)``.
         j: Grains or wall shapes, shape ``(c,)``.
         contacts: Their table, in which those of two discs are missing if ``is_plain``.
-        lane: Lane of each, shape ``(c,)``; this and the next four are those of the `Schedule`.
-            Contacts of two discs have one below `NO_LANE`.
+        lane: Lane of each, negative of those in none, shape ``(c,)``; this and the next four are
+            those of the `Schedule`.
         branch: Branch vectors in a cell, likewise.
         after: Velocities v⁺, shape ``(bodies, 4)``.
         is_plain: Whether none adheres or resists rolling.
     """
 
-    i: Indices
-    j: Indices
+    i: Ints
+    j: Ints
     contacts: Contacts
-    lane: Indices
+    lane: Ints
     frame: Floats
     impulse: Floats
     before: Floats
@@ -326,7 +322,7 @@ def loaded_rows(grains: int, solved: Solved, normal: Floats) -> Ints:
     rows, found = np.empty(normal.size, np.int32), 0
     for c in range(normal.size):
         lane = solved.lane[c]
-        if solved.j[c] < grains and lane < NO_LANE:
+        if solved.j[c] < grains and lane >= 0:
             normal[c] = solved.impulse[lane // LANES, NORMAL, lane % LANES]
         else:
             normal[c] = solved.contacts[c].p_n
@@ -356,7 +352,7 @@ def generated_heat(
     for chunk in prange((rows.size + CHUNK - 1) // CHUNK):
         for r in range(chunk * CHUNK, min(rows.size, (chunk + 1) * CHUNK)):
             c = rows[r]
-            if j[c] < grains and lane[c] < NO_LANE:
+            if j[c] < grains and lane[c] >= 0:
                 q, k = lane[c] // LANES, lane[c] % LANES
                 nx, ny, mu = frame[q, NX, k], frame[q, NY, k], frame[q, MU, k]
                 q_n, p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]

@@ -11,10 +11,6 @@ from numpy.typing import NDArray
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.model import Floats, Ints, Model
 
-Indices = NDArray[np.uint32]
-"""Numbers of bodies or rows. A kernel need not ask whether they count from the end of an array."""
-
-
 Rows = NDArray[np.int64]
 """Some of the rows of a table."""
 

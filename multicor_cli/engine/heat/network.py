@@ -14,7 +14,7 @@ from multicor_cli.engine.geometry.places import find_places, largest_of_places, 
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.faces import FacePoints
 from multicor_cli.engine.heat.hertz import biot_number
-from multicor_cli.engine.heat.mechanism import Indices, NearPairs, Rows
+from multicor_cli.engine.heat.mechanism import NearPairs, Rows
 from multicor_cli.engine.heat.near import NearOutlines, Outlined
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -44,7 +44,7 @@ class Shapes(NamedTuple):
     """
 
     kind: Ints
-    number: Indices
+    number: Ints
     inner: Floats
 
 
@@ -58,7 +58,7 @@ def shapes_of(conditions: Sequence[WallHeat], model: Model, settings: HeatSettin
     number = np.where(is_body, n - 1 + np.cumsum(is_body), np.arange(kind.size))
     return Shapes(
         np.concatenate([np.full(n, BODY), kind[wall]]).astype(np.int32),
-        np.concatenate([np.arange(n), number[wall]]).astype(np.uint32),
+        np.concatenate([np.arange(n), number[wall]]).astype(np.int32),
         np.concatenate([inner, np.full(wall.size, np.inf)]),
     )
 
@@ -75,23 +75,20 @@ class Ends(NamedTuple):
 
     weakest: Floats
     between: Rows
-    i: Indices
-    j: Indices
+    i: Ints
+    j: Ints
     known: Rows
-    wall_i: Indices
-    wall: Indices
+    wall_i: Ints
+    wall: Ints
     flowing: Rows
-    flow_i: Indices
-    flow_wall: Indices
+    flow_i: Ints
+    flow_wall: Ints
 
 
 def ends_of(shapes: Shapes, i: Ints, j: Ints) -> Ends:
     """Sort links between ``i`` and ``j``, of shape ``(e,)``, by their other end."""
     weakest, *rows = _sort_links(shapes, i, j)
-    first = i.view(np.uint32)
-    between, known, flowing = (
-        (row, first.take(row), shapes.number.take(j.take(row))) for row in rows
-    )
+    between, known, flowing = ((row, i.take(row), shapes.number.take(j.take(row))) for row in rows)
     return Ends(weakest, *between, *known, *flowing)
 
 

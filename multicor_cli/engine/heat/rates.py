@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.jit.compile import kernel, subroutine
 from multicor_cli.model.model import Floats, Ints
@@ -47,17 +46,17 @@ class Network(NamedTuple):
         outside_area: Area factor of radiation of each grain [m²], shape ``(s, n)``.
     """
 
-    i: Indices
-    j: Indices
+    i: Ints
+    j: Ints
     conductance: Floats
     area: Floats
     ahead: Floats
-    wall_i: Indices
-    wall: Indices
+    wall_i: Ints
+    wall: Ints
     wall_conductance: Floats
     wall_area: Floats
-    flow_i: Indices
-    flow_wall: Indices
+    flow_i: Ints
+    flow_wall: Ints
     flow_share: Floats
     outside_book: Ints
     outside_temperature: Floats

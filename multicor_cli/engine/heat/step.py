@@ -178,8 +178,7 @@ class HeatStep:
         if self._pieces is not None:
             touching = self._at(touching, moved.scene, moved.contacts["key"].copy())
         solved = Solved(
-            moved.i.view(np.uint32), moved.j.view(np.uint32), moved.contacts,
-            lanes.lane.view(np.uint32), lanes.frame, lanes.impulse, lanes.before,
+            moved.i, moved.j, moved.contacts, lanes.lane, lanes.frame, lanes.impulse, lanes.before,
             lanes.branch, moved.after, is_plain,
         )  # fmt: skip
         rubbed = self._generate(moved.scene, solved, touching.share)

@@ -21,10 +21,14 @@ from typing import Any
 
 from llvmlite import ir
 
+from multicor_cli.engine.jit.arrays import CHUNK
 from multicor_cli.engine.jit.compile import IS_COMPILING, cgutils, intrinsic, types
 
 LANES = 4
 """Numbers in a vector."""
+
+BATCHES = CHUNK // LANES
+"""Vectors of a chunk."""
 
 HAS_VECTORS = IS_COMPILING
 """Whether vector loops can be called."""
