@@ -132,6 +132,17 @@ def test_gas_between_sides_that_face_each_other_is_a_layer(gap):
     assert found == pytest.approx(0.3 * THICKNESS / (gap / GAS + way), rel=1e-10)
 
 
+def test_sides_seen_from_their_edges_conduct_nothing_wherever_a_pair_turns():
+    """Rounded boxes that face each other, turned together, and the one by next to nothing more."""
+    grains, away = [[(box(1.0, 1.0), 0.2)], [(box(1.5, 1.5), 0.2)]], 1.75
+    level = film(grains, [[0.0, 0.0, 0.0], [away, 0.0, 0.0]])
+    for angle in np.linspace(0.0, 6.0, 97):
+        for more in (0.0, 1e-16, 1e-13, 1e-11):
+            other = [away * np.cos(angle), away * np.sin(angle), angle + more]
+            turned = film(grains, [[0.0, 0.0, angle], other])
+            assert turned == pytest.approx(level, rel=1e-9)
+
+
 @pytest.mark.parametrize("angle", [1e-9, 1e-3, 0.1, 0.7])
 def test_gas_under_a_corner_is_a_logarithm(angle):
     """Over a floor: g = h + x tan α on both sides of a sharp corner."""

@@ -61,6 +61,11 @@ _FROM, _TO, _KIND, _AT, _HEIGHT, _BEND = 0, 1, 2, 3, 4, 5
 (those of the center of an arc), and the slope of a line or the radius of an arc."""
 
 
+_EDGE_ON = 1e-9
+"""Cosine to the view up to which a side is seen from its edge: as a line without width it would
+have no slope."""
+
+
 class _View(NamedTuple):
     """A unit vector (x, y) along which heights are, places u along (−y, x); and the origin of a
     body (ox, oy) [m].
@@ -105,7 +110,7 @@ def _trace(pieces: Pieces, p: int, view: _View, chain: Floats) -> int:
         before = e - 1 if e > first else last - 1
         faces = corner[e, NORMAL_X] * view.x + corner[e, NORMAL_Y] * view.y
         faced = corner[before, NORMAL_X] * view.x + corner[before, NORMAL_Y] * view.y
-        if faces > 0.0 >= faced:
+        if faces > _EDGE_ON >= faced:
             edge = e
         if _height(view, corner[e, X], corner[e, Y]) > _height(view, corner[v, X], corner[v, Y]):
             v = e
@@ -114,7 +119,7 @@ def _trace(pieces: Pieces, p: int, view: _View, chain: Floats) -> int:
         v = edge
         while True:
             nx, ny = corner[v, NORMAL_X], corner[v, NORMAL_Y]
-            if nx * view.x + ny * view.y <= 0.0:
+            if nx * view.x + ny * view.y <= _EDGE_ON:
                 break
             w = v + 1 if v + 1 < last else first
             u = _place(view, corner[v, X], corner[v, Y])
