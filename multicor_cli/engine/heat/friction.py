@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf, pi, sqrt
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,18 @@ from multicor_cli.engine.jit.arrays import CHUNK, column_totals
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL, X, Y
+from multicor_cli.model.columns import (
+    FRICTION,
+    IMPACT,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SPIN,
+    TANGENTIAL,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.
@@ -250,27 +261,47 @@ def impact_exchange(
     return correction * pi * radius * radius * sqrt(time) / depth
 
 
+@formula
+def wall_gives(mobility: Floats, wall: int, nx: float, ny: float, lever: float) -> float:
+    """What a wall adds to the inverse of the mass that an impact along n feels [1/kg]; 0 if held.
+
+    ``mobility`` as in `Moved`; the lever is that of n about the reference point [m].
+    """
+    along = mobility[wall, X] * (nx * nx) + mobility[wall, Y] * (ny * ny)
+    return along + mobility[wall, SPIN] * (lever * lever)
+
+
+@formula
+def _impact_mass(scene: Scene, mass: Floats, mobility: Floats, contact: Any) -> float:
+    """Reduced mass of an impact of discs [kg]."""
+    i, j, count = contact.i, contact.j, scene.radius.size
+    if j < count:
+        return mass[i] * mass[j] / (mass[i] + mass[j])
+    nx, ny = contact.nx, contact.ny
+    lever = contact.lever_x * ny - contact.lever_y * nx
+    return mass[i] / (1.0 + mass[i] * wall_gives(mobility, scene.wall[j - count], nx, ny, lever))
+
+
 @kernel
 def collide(
-    scene: Scene, mass: Floats, contacts: Contacts, total: Floats, is_known: NDArray[np.bool_],
-    laws: HeatLaws, dt: float, conductance: Floats,
+    scene: Scene, mass: Floats, mobility: Floats, contacts: Contacts, total: Floats,
+    is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats,
 ) -> None:  # fmt: skip
     """Give contacts that are new in this step the conductance of an impact, spread over the step.
 
     A place is hit once: its contacts share the impact in proportion to their impulses, ``total`` of
     each place [N s]. Circles of walls have the a* of Hertz. Places that are known carried an
-    impulse in the step before. **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
+    impulse in the step before. ``mobility`` of walls as in `Moved`. **Modifies** ``conductance``
+    [W/K], shape ``(c,)`` as the others.
     """
-    grains = scene.radius.size
     for c in range(contacts.size):
         speed, normal = -contacts[c].u_n, contacts[c].p_n
         if normal > 0.0 and speed > 0.0 and not is_known[c]:
             i, j = contacts[c].i, contacts[c].j
             a, b = scene.material[i], scene.material[j]
-            m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
             exchange = impact_exchange(
-                m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a],
-                laws.volumetric[a],
+                _impact_mass(scene, mass, mobility, contacts[c]), hertz_radius(scene, i, j),
+                laws.modulus[a, b], speed, laws.conductivity[a], laws.volumetric[a],
                 laws.conductivity[b], laws.volumetric[b],
             )  # fmt: skip
             conductance[c] = exchange / dt * (normal / total[c])

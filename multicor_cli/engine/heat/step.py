@@ -347,8 +347,8 @@ class HeatStep:
                 is_known |= points.key >= 0
                 self._hit(moved, points, carried, totals, row, dt, spots.conductance)
             collide(
-                scene, self._model.grains.mass, contacts, totals, is_known, settings.laws, dt,
-                spots.conductance,
+                scene, self._model.grains.mass, moved.mobility, contacts, totals, is_known,
+                settings.laws, dt, spots.conductance,
             )  # fmt: skip
         return spots
 
@@ -362,9 +362,10 @@ class HeatStep:
             row, moved.loaded_j, moved.loaded_point, moved.i, moved.j, points.key, points.head
         )
         hit(
-            moved.scene, model.grains.mass, model.shape_factor, moved.contacts, points.key,
-            points.head, points.spot_radii(carried, totals), points.pressed_areas(carried), carried,
-            totals, is_known, self._settings.laws, dt, conductance,
+            moved.scene, model.grains.mass, moved.mobility, model.shape_factor, moved.contacts,
+            points.key, points.head, points.spot_radii(carried, totals),
+            points.pressed_areas(carried), carried, totals, is_known, self._settings.laws, dt,
+            conductance,
         )  # fmt: skip
 
     def _links(self, scene: Scene, spots: Spots, ends: Ends) -> Links:
