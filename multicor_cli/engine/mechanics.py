@@ -359,7 +359,7 @@ class Mechanics:
         layout.newcomers = _NOBODY
         self.moved = Moved(
             step.scene, contacts, after, selection.i, selection.j, *loaded, strayed,
-            self.motion.mobility,
+            self.motion.mobility, None if step.flight is None else step.flight.impacts,
         )  # fmt: skip
         self._has_table = False
         self.clock.stop("account")

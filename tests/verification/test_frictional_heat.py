@@ -15,7 +15,7 @@ from heat_parts import (
     with_heat,
     with_softening,
 )
-from scene_parts import FLOOR, G, advance, book, make_model, resume, shear_scene
+from scene_parts import FLOOR, G, advance, book, floor_and_lid, make_model, resume, shear_scene
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.books import receive
@@ -198,6 +198,24 @@ def test_a_collision_conducts_by_its_own_law():
     exchange = impact_exchange(0.5 * mass, 0.5, laws.modulus[0, 0], 1.0, 15.0, 3.75e6, 15.0, 3.75e6)
     assert engine.state.heat[0] == pytest.approx(100.0 * exchange, rel=1e-6)
     assert engine.state.heat.sum() == pytest.approx(0.0, abs=1e-12 * engine.state.heat[0])
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.25, 0.5, 2.0])
+def test_each_impact_of_a_grain_in_flight_conducts(dt):
+    """20 between two walls, 0.2 s apart: one by one, or up to ten in a step."""
+    model = warm_model(
+        shapes=floor_and_lid(2.2), walls=("floor", "lid"), restitution=1.0, friction=0.0,
+        gravity=(0.0, 0.0), capacity=1e9,
+    )  # fmt: skip
+    engine = coupled_engine(
+        model, [[0.0, 1.13]], [[0.0, 1.0, 0.0]], [at_temperature(350.0), at_temperature(400.0)],
+        collisional=True, friction="none",
+    )  # fmt: skip
+    state, solid = advance(engine, dt, round(4.0 / dt)), (15.0, 3.75e6)
+    assert state.velocity[0, 1] == pytest.approx(1.0, rel=1e-12)
+    mass, modulus = model.grains.mass[0], make_heat_laws().modulus[0, 0]
+    exchange = impact_exchange(mass, 1.0, modulus, 1.0, *solid, *solid)
+    assert state.heat[0] == pytest.approx(10.0 * (50.0 + 100.0) * exchange, rel=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from multicor_cli.engine.contact.faces import (
     pack_faces,
     unpack_points,
 )
+from multicor_cli.engine.contact.impacts import Impacts
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.rolling import couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
@@ -439,7 +440,8 @@ class Moved(NamedTuple):
     in the step before, ascending, and ``loaded_point`` which points of grains that are no discs
     (-1; of size 0 if all are). Grains have ``strayed`` by what they have moved, in a cell beside
     its mean flow [m], shape ``(n, 2)``. ``mobility`` are inverse masses of walls in x and y [1/kg]
-    and inverse moments of inertia, 0 where they are held, shape ``(w, 3)``.
+    and inverse moments of inertia, 0 where they are held, shape ``(w, 3)``; ``impacts`` those of
+    grains in flight, which ``contacts`` hold as sums, or None.
     """
 
     scene: Scene
@@ -452,6 +454,7 @@ class Moved(NamedTuple):
     loaded_point: Ints
     strayed: Floats
     mobility: Floats
+    impacts: Impacts | None
 
 
 @kernel

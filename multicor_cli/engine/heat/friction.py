@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf, pi, sqrt
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from multicor_cli.engine.contact.contacts import (
     relative_velocity,
     stretch_along,
 )
+from multicor_cli.engine.contact.impacts import P_N, U_N, Impacts, row_of
 from multicor_cli.engine.contact.rolling import rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
@@ -272,14 +273,41 @@ def wall_gives(mobility: Floats, wall: int, nx: float, ny: float, lever: float) 
 
 
 @formula
-def _impact_mass(scene: Scene, mass: Floats, mobility: Floats, contact: Any) -> float:
-    """Reduced mass of an impact of discs [kg]."""
-    i, j, count = contact.i, contact.j, scene.radius.size
-    if j < count:
-        return mass[i] * mass[j] / (mass[i] + mass[j])
-    nx, ny = contact.nx, contact.ny
-    lever = contact.lever_x * ny - contact.lever_y * nx
-    return mass[i] / (1.0 + mass[i] * wall_gives(mobility, scene.wall[j - count], nx, ny, lever))
+def _exchange_between(
+    scene: Scene, mass: Floats, laws: HeatLaws, i: int, j: int, gives: float, speed: float
+) -> float:
+    """`impact_exchange` of a disc and a disc or a wall, of which `wall_gives` tells."""
+    if j < scene.radius.size:
+        m = mass[i] * mass[j] / (mass[i] + mass[j])
+    else:
+        m = mass[i] / (1.0 + mass[i] * gives)
+    a, b = scene.material[i], scene.material[j]
+    return impact_exchange(
+        m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a],
+        laws.volumetric[a], laws.conductivity[b], laws.volumetric[b],
+    )  # fmt: skip
+
+
+@kernel
+def strike(
+    scene: Scene, mass: Floats, impacts: Impacts, i: Ints, j: Ints, laws: HeatLaws, dt: float,
+    is_known: NDArray[np.bool_], conductance: Floats,
+) -> None:  # fmt: skip
+    """Give contacts (i, j) that had impacts in flight the conductance of all of them together.
+
+    Each has a speed of its own: the u⁻ of the contact is that of no impact. They are spread over
+    the step. Walls that are hit in flight are held. **Modifies** ``conductance`` [W/K], shape
+    ``(c,)``, and ``is_known`` of these contacts, as they are dealt with.
+    """
+    is_met = np.zeros(i.size, np.bool_)
+    for e in range(impacts.i.size):
+        if impacts.said[e, P_N] > 0.0:
+            first, second = impacts.i[e], impacts.j[e]
+            c = row_of(i, j, first, second)
+            speed = -impacts.said[e, U_N]
+            exchange = _exchange_between(scene, mass, laws, first, second, 0.0, speed) / dt
+            conductance[c] = exchange if not is_met[c] else conductance[c] + exchange
+            is_met[c] = is_known[c] = True
 
 
 @kernel
@@ -294,16 +322,16 @@ def collide(
     impulse in the step before. ``mobility`` of walls as in `Moved`. **Modifies** ``conductance``
     [W/K], shape ``(c,)`` as the others.
     """
+    grains = scene.radius.size
     for c in range(contacts.size):
-        speed, normal = -contacts[c].u_n, contacts[c].p_n
+        contact = contacts[c]
+        speed, normal = -contact.u_n, contact.p_n
         if normal > 0.0 and speed > 0.0 and not is_known[c]:
-            i, j = contacts[c].i, contacts[c].j
-            a, b = scene.material[i], scene.material[j]
-            exchange = impact_exchange(
-                _impact_mass(scene, mass, mobility, contacts[c]), hertz_radius(scene, i, j),
-                laws.modulus[a, b], speed, laws.conductivity[a], laws.volumetric[a],
-                laws.conductivity[b], laws.volumetric[b],
-            )  # fmt: skip
+            i, j, nx, ny, gives = contact.i, contact.j, contact.nx, contact.ny, 0.0
+            if j >= grains:
+                lever = contact.lever_x * ny - contact.lever_y * nx
+                gives = wall_gives(mobility, scene.wall[j - grains], nx, ny, lever)
+            exchange = _exchange_between(scene, mass, laws, i, j, gives, speed)
             conductance[c] = exchange / dt * (normal / total[c])
 
 

@@ -39,6 +39,7 @@ from multicor_cli.engine.heat.friction import (
     Solved,
     collide,
     generate,
+    strike,
 )
 from multicor_cli.engine.heat.hits import hit, known_points
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
@@ -346,6 +347,11 @@ class HeatStep:
             if points is not None:
                 is_known |= points.key >= 0
                 self._hit(moved, points, carried, totals, row, dt, spots.conductance)
+            if moved.impacts is not None and moved.impacts.i.size:
+                strike(
+                    scene, self._model.grains.mass, moved.impacts, moved.i, moved.j, settings.laws,
+                    dt, is_known, spots.conductance,
+                )  # fmt: skip
             collide(
                 scene, self._model.grains.mass, moved.mobility, contacts, totals, is_known,
                 settings.laws, dt, spots.conductance,
