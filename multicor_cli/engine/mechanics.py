@@ -357,7 +357,10 @@ class Mechanics:
             state.contact_couple = np.zeros(state.contact_i.size)
         state.last_dt = step.dt
         layout.newcomers = _NOBODY
-        self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded, strayed)
+        self.moved = Moved(
+            step.scene, contacts, after, selection.i, selection.j, *loaded, strayed,
+            self.motion.mobility, None if step.flight is None else step.flight.impacts,
+        )  # fmt: skip
         self._has_table = False
         self.clock.stop("account")
         return StepReport(

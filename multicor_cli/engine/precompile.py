@@ -121,7 +121,7 @@ def precompile(*, has_shapes: bool = False, has_heat: bool = True) -> None:
     iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty((1, 2)))
     strayed = np.zeros((1, 2))
     nobody = _NOBODY, _NOBODY, _NOBODY, _NOBODY, _NOBODY
-    moved = Moved(scene, contacts, bodies, *nobody, strayed)
+    moved = Moved(scene, contacts, bodies, *nobody, strayed, np.zeros((1, 3)), None)
     if has_heat:
         _heat(model, state, moved)
     _finish(model, state, moved, pieces)

@@ -49,8 +49,8 @@ def with_heat(model, start=300.0, *, capacity=None, specific=500.0, thickness=No
 
 def warm_model(radius=(1.0,), start=300.0, shapes=(), *, capacity=None, **choices):
     """Spheres at ``start`` [K] on a floor, or on nothing."""
-    walls = ("floor",) if shapes else ()
-    model = make_model(radius, shapes, walls, **{"shape": "sphere", **choices})
+    walls = {"walls": ("floor",) if shapes else ()}
+    model = make_model(radius, shapes, **{"shape": "sphere", **walls, **choices})
     return with_heat(model, start, capacity=capacity)
 
 

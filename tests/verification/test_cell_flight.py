@@ -6,10 +6,14 @@ import itertools
 import numpy as np
 import pytest
 from cells import flow, loose_cell, make_cell, orders
+from heat_parts import make_heat_laws, with_heat
+from scene_parts import advance
 
 from multicor_cli.engine import Engine
 from multicor_cli.engine.contact.meetings import Air, discs_meet_soon, meets, relative
 from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.heat.friction import impact_exchange
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.model.cell import mean_flow, real_velocity
 from multicor_cli.model.state import State
 
@@ -123,6 +127,46 @@ def test_a_gas_is_that_of_an_event_driven_program(rate, restitution, friction, d
     assert books["closure"] < 1e-12
     if restitution == 1.0:
         assert books["impact_loss"] == pytest.approx(0.0, abs=1e-12 * books["kinetic"])
+
+
+class Conducting(EventDriven):
+    """Whose impacts conduct, between grains of these temperatures."""
+
+    def __init__(self, model, state, laws, temperature):
+        super().__init__(model, state, 0.9, 0.0)
+        self.laws, self.temperature, self.heat = laws, temperature, np.zeros(temperature.size)
+
+    def _hit(self, i, j, away, speed):
+        (m, other), (a, b) = self.model.grains.mass[[i, j]], self.model.grains.radius[[i, j]]
+        approach = -float(away @ speed) / np.hypot(*away)
+        solid = self.laws.conductivity[0], self.laws.volumetric[0]
+        heat = (self.temperature[j] - self.temperature[i]) * impact_exchange(
+            m * other / (m + other), a * b / (a + b), self.laws.modulus[0, 0], approach,
+            *solid, *solid,
+        )  # fmt: skip
+        self.heat[i] += heat
+        self.heat[j] -= heat
+        super()._hit(i, j, away, speed)
+
+
+@pytest.mark.parametrize("dt", [0.3, 0.08])
+@pytest.mark.parametrize("rate", [0.0, 0.15])
+def test_a_gas_conducts_by_its_impacts(rate, dt):
+    """Each with its own speed, however many a step holds."""
+    model, cold = thrown(rates=(0.0, 0.0, rate), restitution=0.9, friction=0.0)
+    temperature, laws = np.random.default_rng(2).uniform(300.0, 400.0, 60), make_heat_laws()
+    model = with_heat(model, temperature, capacity=1e9)
+    state = State.at_rest(model, cold.position[:, :2])
+    state.velocity[:], state.wall_velocity[:] = cold.velocity, cold.wall_velocity
+    state.wall_position[:] = cold.wall_position
+    reference = Conducting(model, state, laws, temperature)
+    reference.advance(2.4)
+    heat = HeatSettings(laws, collisional=True, friction="none")
+    engine = Engine(model, state, threads=1, heat=heat)
+    engine.begin(orders(None, None, ("velocity", rate)))
+    advance(engine, dt, round(2.4 / dt))
+    assert reference.impacts > 60
+    assert state.heat == pytest.approx(reference.heat, abs=1e-6 * np.abs(reference.heat).max())
 
 
 def test_straining_is_of_second_order():

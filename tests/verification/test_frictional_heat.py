@@ -15,7 +15,7 @@ from heat_parts import (
     with_heat,
     with_softening,
 )
-from scene_parts import FLOOR, G, advance, book, make_model, resume, shear_scene
+from scene_parts import FLOOR, G, advance, book, floor_and_lid, make_model, resume, shear_scene
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.books import receive
@@ -26,7 +26,7 @@ from multicor_cli.engine.heat.hertz import contact_radius
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import Constant, Sine
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model.flash import flash_rise
 from multicor_cli.model.state import State
 
@@ -198,6 +198,43 @@ def test_a_collision_conducts_by_its_own_law():
     exchange = impact_exchange(0.5 * mass, 0.5, laws.modulus[0, 0], 1.0, 15.0, 3.75e6, 15.0, 3.75e6)
     assert engine.state.heat[0] == pytest.approx(100.0 * exchange, rel=1e-6)
     assert engine.state.heat.sum() == pytest.approx(0.0, abs=1e-12 * engine.state.heat[0])
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.25, 0.5, 2.0])
+def test_each_impact_of_a_grain_in_flight_conducts(dt):
+    """20 between two walls, 0.2 s apart: one by one, or up to ten in a step."""
+    model = warm_model(
+        shapes=floor_and_lid(2.2), walls=("floor", "lid"), restitution=1.0, friction=0.0,
+        gravity=(0.0, 0.0), capacity=1e9,
+    )  # fmt: skip
+    engine = coupled_engine(
+        model, [[0.0, 1.13]], [[0.0, 1.0, 0.0]], [at_temperature(350.0), at_temperature(400.0)],
+        collisional=True, friction="none",
+    )  # fmt: skip
+    state, solid = advance(engine, dt, round(4.0 / dt)), (15.0, 3.75e6)
+    assert state.velocity[0, 1] == pytest.approx(1.0, rel=1e-12)
+    mass, modulus = model.grains.mass[0], make_heat_laws().modulus[0, 0]
+    exchange = impact_exchange(mass, 1.0, modulus, 1.0, *solid, *solid)
+    assert state.heat[0] == pytest.approx(10.0 * (50.0 + 100.0) * exchange, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("free", "damping"), [("", 0.0), ("y", 0.0), ("spin", 0.0), ("y spin", 0.0), ("y", 1e4)]
+)
+def test_a_collision_feels_the_mass_of_a_wall_that_gives_way(free, damping):
+    """1/m = 1/m_i + 1/M + l²/I of what is free; in so short a time dampers do nothing."""
+    drive = DofDrive(force=Constant(0.0), damping=damping)
+    model = warm_model(shapes=FLOOR, gravity=(0.0, 0.0), friction=0.0, mass=3.0, inertia=2.0)
+    engine = coupled_engine(
+        model, [[0.7, 1.0]], [[0.0, -0.5, 0.0]], [at_temperature(310.0)], friction="none",
+        drives=[WallDrive(**dict.fromkeys(free.split(), drive))], collisional=True,
+    )  # fmt: skip
+    engine.step(1e-3, 0.0)
+    gives = ("y" in free) / 3.0 + ("spin" in free) * 0.7**2 / 2.0
+    mass = 1.0 / (1.0 / model.grains.mass[0] + gives)
+    solid = 15.0, 3.75e6
+    exchange = impact_exchange(mass, 1.0, make_heat_laws().modulus[0, 0], 0.5, *solid, *solid)
+    assert engine.state.heat[0] == pytest.approx(10.0 * exchange, rel=1e-6)
 
 
 def test_running_average_of_the_force():

@@ -21,6 +21,7 @@ from multicor_cli.engine.heat.hertz import joint_coefficient
 from multicor_cli.engine.heat.hits import flat_exchange, flat_time
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, emission_factor
 from multicor_cli.engine.heat.settings import ContactForce
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind, State
 
 THICKNESS, LAMBDA, GAS = 0.5, 15.0, 0.026
@@ -396,16 +397,16 @@ def test_a_wall_is_seen_as_a_copy_of_the_grain_behind_it():
 # ---- Impacts
 
 
-def hit(corners, rounding, angle, speed, *, spin=0.0, above=1e-7, friction=0.0):
+def hit(corners, rounding, angle, speed, *, spin=0.0, above=1e-7, drives=None, **keys):
     """Conductance of a grain that meets a floor, times the step, and the engine."""
-    model = prisms([[(corners, rounding)]], FLOOR, ("floor",), gravity=(0.0, 0.0))
-    model = replace(model, laws=model.laws._replace(friction=friction * np.ones((1, 1))))
+    model = prisms([[(corners, rounding)]], FLOOR, ("floor",), gravity=(0.0, 0.0), **keys)
+    model = replace(model, laws=model.laws._replace(friction=np.zeros((1, 1))))
     c, s = np.cos(angle), np.sin(angle)
     own = model.outlines.corner
     height = rounding - float((s * own[:, 0] + c * own[:, 1]).min())
     engine = coupled_engine(
         model, [[0.0, height + above, angle]], [[0.0, -speed, spin]], laws=LAWS,
-        conditions=[at_temperature(310.0)], collisional=True, friction="none",
+        conditions=[at_temperature(310.0)], collisional=True, friction="none", drives=drives,
     )  # fmt: skip
     engine.step(1e-4, 0.0)
     return 1e-4 * float(engine.contacts().conductance.sum()), engine
@@ -429,6 +430,20 @@ def test_a_corner_conducts_in_an_impact_as_a_sphere_of_less_mass(spin):
     assert found == pytest.approx(expected, rel=1e-4)
     engine.step(1e-4, 1e-4)
     assert 1e-4 * float(engine.contacts().conductance.sum()) < 0.1 * expected
+
+
+def test_a_corner_feels_the_mass_of_a_floor_that_gives_way():
+    """1/m (1 + l²/k²) + 1/M + L²/I with the lever L of the corner about the middle of the floor."""
+    angle, free = 0.3, DofDrive(force=Constant(0.0))
+    drives, given = [WallDrive(y=free, spin=free)], {"mass": 2.0, "inertia": 0.05}
+    found, engine = hit(box(1.0, 1.0), 0.1, angle, 0.5, drives=drives, **given)
+    grains, own = engine.model.grains, engine.model.outlines.corner
+    lever = float(
+        (own @ [np.cos(angle), -np.sin(angle)])[(own @ [np.sin(angle), np.cos(angle)]).argmin()]
+    )
+    inverse = 1.0 / grains.mass[0] + lever**2 / grains.inertia[0] + 0.5 + lever**2 / 0.05
+    expected = impact_exchange(1.0 / inverse, 0.1, LAWS.modulus[0, 0], 0.5, *SOLID, *SOLID)
+    assert found == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_round_polygon_conducts_in_an_impact_as_a_disc():

@@ -45,7 +45,7 @@ class Impacts(NamedTuple):
     said: Floats
 
 
-_NX, _NY, _P_N, _P_T, _IMPACT, _FRICTION, U_N, _U_T, _LEVER_X, _LEVER_Y, _CONVECTED = range(11)
+_NX, _NY, P_N, _P_T, _IMPACT, _FRICTION, U_N, _U_T, _LEVER_X, _LEVER_Y, _CONVECTED = range(11)
 COLUMNS = _CONVECTED + 3
 """The lever is that of a wall, or the branch vector ℓ of two grains [m]; convected is what the rest
 of the step convects otherwise than if the impact had been at its start: xx, yy, xy [J s]."""
@@ -91,7 +91,7 @@ def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said
         place[k, X] -= t * sign * m * px
         place[k, Y] -= t * sign * m * py
         place[k, ANGLE] -= t * change / scene.radius[k]
-    said[_NX], said[_NY], said[_P_N], said[_P_T] = nx, ny, p_n, p_t
+    said[_NX], said[_NY], said[P_N], said[_P_T] = nx, ny, p_n, p_t
     said[U_N], said[_U_T] = u_n, u_t
     said[_IMPACT] = -p_n * (u_n + 0.5 * inverse * p_n)
     said[_FRICTION] = -p_t * (u_t + 0.5 * turning * p_t)
@@ -143,8 +143,8 @@ def convected_by(impacts: Impacts, change: Floats) -> Floats:
     convected = np.zeros(3)
     for e in range(impacts.i.size):
         said = impacts.said[e]
-        px = said[_P_N] * said[_NX] - said[_P_T] * said[_NY]
-        py = said[_P_N] * said[_NY] + said[_P_T] * said[_NX]
+        px = said[P_N] * said[_NX] - said[_P_T] * said[_NY]
+        py = said[P_N] * said[_NY] + said[_P_T] * said[_NX]
         given = change[XX] * px * said[_LEVER_X] + change[YY] * py * said[_LEVER_Y]
         given += change[XY] * px * said[_LEVER_Y]
         for d in range(3):
@@ -155,7 +155,7 @@ def convected_by(impacts: Impacts, change: Floats) -> Floats:
 
 
 @subroutine
-def _row_of(i: Ints, j: Ints, first: int, second: int) -> int:
+def row_of(i: Ints, j: Ints, first: int, second: int) -> int:
     """Where a pair is in pairs sorted by (i, j), or -1."""
     low, high = 0, i.size
     while low < high:
@@ -172,7 +172,7 @@ def are_contacts(impacts: Impacts, i: Ints, j: Ints) -> bool:
     """Whether all pairs that had impacts are among pairs sorted by (i, j)."""
     missing = 0
     for k in range(impacts.i.size):
-        missing += _row_of(i, j, impacts.i[k], impacts.j[k]) < 0
+        missing += row_of(i, j, impacts.i[k], impacts.j[k]) < 0
     return missing == 0
 
 
@@ -216,16 +216,16 @@ def enter_impacts(
     rows, known = np.full(impacts.i.size, -1, np.int32), np.empty((impacts.i.size, 2))
     for e in range(impacts.i.size):
         said = impacts.said[e]
-        if said[_P_N] == 0.0:
+        if said[P_N] == 0.0:
             continue
-        c = _row_of(i, j, impacts.i[e], impacts.j[e])
+        c = row_of(i, j, impacts.i[e], impacts.j[e])
         contact, is_wall = contacts[c], j[c] >= count
         q, k = lane[c] // LANES, lane[c] % LANES
         if not is_wall:
             _recall(contact, i[c], j[c], frame, impulse, before, gap, branch, q, k)
         rows[e], known[e, NORMAL], known[e, TANGENTIAL] = c, contact.p_n, contact.p_t
         nx, ny = said[_NX], said[_NY]
-        px, py = said[_P_N] * nx - said[_P_T] * ny, said[_P_N] * ny + said[_P_T] * nx
+        px, py = said[P_N] * nx - said[_P_T] * ny, said[P_N] * ny + said[_P_T] * nx
         if scene.height > 0.0:
             _add(virial, px, py, said[_LEVER_X] - contact.lever_x, said[_LEVER_Y] - contact.lever_y)
         impact, friction, along = said[_IMPACT], said[_FRICTION], said[_P_T]

@@ -18,6 +18,7 @@ from multicor_cli.engine.contact.faces import (
     pack_faces,
     unpack_points,
 )
+from multicor_cli.engine.contact.impacts import Impacts
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.rolling import couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
@@ -438,7 +439,9 @@ class Moved(NamedTuple):
     shapes of ``contacts``; ``loaded_i`` and ``loaded_j`` those of contacts that carried an impulse
     in the step before, ascending, and ``loaded_point`` which points of grains that are no discs
     (-1; of size 0 if all are). Grains have ``strayed`` by what they have moved, in a cell beside
-    its mean flow [m], shape ``(n, 2)``.
+    its mean flow [m], shape ``(n, 2)``. ``mobility`` are inverse masses of walls in x and y [1/kg]
+    and inverse moments of inertia, 0 where they are held, shape ``(w, 3)``; ``impacts`` those of
+    grains in flight, which ``contacts`` hold as sums, or None.
     """
 
     scene: Scene
@@ -450,6 +453,8 @@ class Moved(NamedTuple):
     loaded_j: Ints
     loaded_point: Ints
     strayed: Floats
+    mobility: Floats
+    impacts: Impacts | None
 
 
 @kernel

@@ -24,6 +24,7 @@ from multicor_cli.engine.contact.contacts import (
     relative_velocity,
     stretch_along,
 )
+from multicor_cli.engine.contact.impacts import P_N, U_N, Impacts, row_of
 from multicor_cli.engine.contact.rolling import rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
@@ -32,7 +33,18 @@ from multicor_cli.engine.jit.arrays import CHUNK, column_totals
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL, X, Y
+from multicor_cli.model.columns import (
+    FRICTION,
+    IMPACT,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SPIN,
+    TANGENTIAL,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.
@@ -250,29 +262,76 @@ def impact_exchange(
     return correction * pi * radius * radius * sqrt(time) / depth
 
 
+@formula
+def wall_gives(mobility: Floats, wall: int, nx: float, ny: float, lever: float) -> float:
+    """What a wall adds to the inverse of the mass that an impact along n feels [1/kg]; 0 if held.
+
+    ``mobility`` as in `Moved`; the lever is that of n about the reference point [m].
+    """
+    along = mobility[wall, X] * (nx * nx) + mobility[wall, Y] * (ny * ny)
+    return along + mobility[wall, SPIN] * (lever * lever)
+
+
+@formula
+def _exchange_between(
+    scene: Scene, mass: Floats, laws: HeatLaws, i: int, j: int, gives: float, speed: float
+) -> float:
+    """`impact_exchange` of a disc and a disc or a wall, of which `wall_gives` tells."""
+    if j < scene.radius.size:
+        m = mass[i] * mass[j] / (mass[i] + mass[j])
+    else:
+        m = mass[i] / (1.0 + mass[i] * gives)
+    a, b = scene.material[i], scene.material[j]
+    return impact_exchange(
+        m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a],
+        laws.volumetric[a], laws.conductivity[b], laws.volumetric[b],
+    )  # fmt: skip
+
+
+@kernel
+def strike(
+    scene: Scene, mass: Floats, impacts: Impacts, i: Ints, j: Ints, laws: HeatLaws, dt: float,
+    is_known: NDArray[np.bool_], conductance: Floats,
+) -> None:  # fmt: skip
+    """Give contacts (i, j) that had impacts in flight the conductance of all of them together.
+
+    Each has a speed of its own: the u⁻ of the contact is that of no impact. They are spread over
+    the step. Walls that are hit in flight are held. **Modifies** ``conductance`` [W/K], shape
+    ``(c,)``, and ``is_known`` of these contacts, as they are dealt with.
+    """
+    is_met = np.zeros(i.size, np.bool_)
+    for e in range(impacts.i.size):
+        if impacts.said[e, P_N] > 0.0:
+            first, second = impacts.i[e], impacts.j[e]
+            c = row_of(i, j, first, second)
+            speed = -impacts.said[e, U_N]
+            exchange = _exchange_between(scene, mass, laws, first, second, 0.0, speed) / dt
+            conductance[c] = exchange if not is_met[c] else conductance[c] + exchange
+            is_met[c] = is_known[c] = True
+
+
 @kernel
 def collide(
-    scene: Scene, mass: Floats, contacts: Contacts, total: Floats, is_known: NDArray[np.bool_],
-    laws: HeatLaws, dt: float, conductance: Floats,
+    scene: Scene, mass: Floats, mobility: Floats, contacts: Contacts, total: Floats,
+    is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats,
 ) -> None:  # fmt: skip
     """Give contacts that are new in this step the conductance of an impact, spread over the step.
 
     A place is hit once: its contacts share the impact in proportion to their impulses, ``total`` of
     each place [N s]. Circles of walls have the a* of Hertz. Places that are known carried an
-    impulse in the step before. **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
+    impulse in the step before. ``mobility`` of walls as in `Moved`. **Modifies** ``conductance``
+    [W/K], shape ``(c,)`` as the others.
     """
     grains = scene.radius.size
     for c in range(contacts.size):
-        speed, normal = -contacts[c].u_n, contacts[c].p_n
+        contact = contacts[c]
+        speed, normal = -contact.u_n, contact.p_n
         if normal > 0.0 and speed > 0.0 and not is_known[c]:
-            i, j = contacts[c].i, contacts[c].j
-            a, b = scene.material[i], scene.material[j]
-            m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
-            exchange = impact_exchange(
-                m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a],
-                laws.volumetric[a],
-                laws.conductivity[b], laws.volumetric[b],
-            )  # fmt: skip
+            i, j, nx, ny, gives = contact.i, contact.j, contact.nx, contact.ny, 0.0
+            if j >= grains:
+                lever = contact.lever_x * ny - contact.lever_y * nx
+                gives = wall_gives(mobility, scene.wall[j - grains], nx, ny, lever)
+            exchange = _exchange_between(scene, mass, laws, i, j, gives, speed)
             conductance[c] = exchange / dt * (normal / total[c])
 
 

@@ -2,7 +2,7 @@
 
 A corner conducts as a sphere does (`impact_exchange` of `engine/heat/friction.py`), with a* of its
 place and the mass that the impact feels there: ``1/m = n·(…)·n`` with the levers of both grains,
-``Σ [1 + β l²/σ²]/m_i`` (theory, Grains of any shape).
+``Σ [1 + β l²/σ²]/m_i`` (theory, Grains of any shape), or of a wall that is free to move.
 
 Sides that hit flat are pressed on the area A all the time: a punch of this area and the stiffness
 ``k = 2 E* √(A/π)`` is in contact for half a period, ``t_c = π √(m/k)``, whatever the speed, and two
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.friction import impact_exchange
+from multicor_cli.engine.heat.friction import impact_exchange, wall_gives
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -79,16 +79,16 @@ def known_points(
 
 @kernel
 def hit(
-    scene: Scene, mass: Floats, spin_factor: float, contacts: Contacts, key: Ints, head: Ints,
-    radius: Floats, area: Floats, carried: Floats, total: Floats, is_known: NDArray[np.bool_],
-    laws: HeatLaws, dt: float, conductance: Floats,
+    scene: Scene, mass: Floats, mobility: Floats, spin_factor: float, contacts: Contacts, key: Ints,
+    head: Ints, radius: Floats, area: Floats, carried: Floats, total: Floats,
+    is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats,
 ) -> None:  # fmt: skip
     """Give points that are new in this step the conductance of an impact, spread over the step.
 
     A place is hit once, at the mean of its points by impulse, and they share the impact so:
     impulses ``carried``, and in ``total`` by the place [N s]. Of places are a* [m] and the area
-    that is pressed [m²]; ``spin_factor`` is m σ²/I. **Modifies** ``conductance`` [W/K], shape
-    ``(c,)`` as the others.
+    that is pressed [m²]; ``spin_factor`` is m σ²/I, ``mobility`` of walls as in `Moved`.
+    **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
     """
     count = key.size
     speed, turn, turn_too = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -107,6 +107,9 @@ def hit(
         inverse = (1.0 + spin_factor * turn[h] * turn[h]) / mass[i]
         if j < scene.radius.size:
             inverse += (1.0 + spin_factor * turn_too[h] * turn_too[h]) / mass[j]
+        else:
+            wall, nx, ny = scene.wall[j - scene.radius.size], contacts[c].nx, contacts[c].ny
+            inverse += wall_gives(mobility, wall, nx, ny, turn_too[h])
         solid = laws.conductivity[a], laws.volumetric[a], laws.conductivity[b], laws.volumetric[b]
         modulus = laws.modulus[a, b]
         exchange = max(

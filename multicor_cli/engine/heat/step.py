@@ -39,6 +39,7 @@ from multicor_cli.engine.heat.friction import (
     Solved,
     collide,
     generate,
+    strike,
 )
 from multicor_cli.engine.heat.hits import hit, known_points
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
@@ -346,9 +347,14 @@ class HeatStep:
             if points is not None:
                 is_known |= points.key >= 0
                 self._hit(moved, points, carried, totals, row, dt, spots.conductance)
+            if moved.impacts is not None and moved.impacts.i.size:
+                strike(
+                    scene, self._model.grains.mass, moved.impacts, moved.i, moved.j, settings.laws,
+                    dt, is_known, spots.conductance,
+                )  # fmt: skip
             collide(
-                scene, self._model.grains.mass, contacts, totals, is_known, settings.laws, dt,
-                spots.conductance,
+                scene, self._model.grains.mass, moved.mobility, contacts, totals, is_known,
+                settings.laws, dt, spots.conductance,
             )  # fmt: skip
         return spots
 
@@ -362,9 +368,10 @@ class HeatStep:
             row, moved.loaded_j, moved.loaded_point, moved.i, moved.j, points.key, points.head
         )
         hit(
-            moved.scene, model.grains.mass, model.shape_factor, moved.contacts, points.key,
-            points.head, points.spot_radii(carried, totals), points.pressed_areas(carried), carried,
-            totals, is_known, self._settings.laws, dt, conductance,
+            moved.scene, model.grains.mass, moved.mobility, model.shape_factor, moved.contacts,
+            points.key, points.head, points.spot_radii(carried, totals),
+            points.pressed_areas(carried), carried, totals, is_known, self._settings.laws, dt,
+            conductance,
         )  # fmt: skip
 
     def _links(self, scene: Scene, spots: Spots, ends: Ends) -> Links:
