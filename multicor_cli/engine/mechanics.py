@@ -18,7 +18,7 @@ from multicor_cli.engine.energy.account import ContactSums, book_step, open_book
 from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.threads import use_threads
-from multicor_cli.engine.motion.cell import carry, sides_at_end, wrap_cell
+from multicor_cli.engine.motion.cell import carry, require_room, sides_at_end, wrap_cell
 from multicor_cli.engine.motion.correction import ALLOWED, Correction, correct_positions, reach_of
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.layout import Layout
@@ -295,7 +295,12 @@ class Mechanics:
         n, grains, dt = layout.model.grain_count, layout.model.grains, step.dt
         struck = _NOBODY if step.flight is None else step.flight.struck
         began = state.position[struck]
-        gradient = state.wall_velocity[0] if self.model.is_cell else _NONE
+        gradient = _NONE
+        if self.model.is_cell:
+            gradient, sides = state.wall_velocity[0], step.scene.wall_position[0]
+            require_room(
+                sides_at_end(sides, after[n, :3], 0.5 * dt), layout.pairs.largest, state.step
+            )
         strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
         growth, expansion_work = step.growth, 0.0
         if growth is not None:

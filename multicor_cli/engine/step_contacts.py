@@ -47,6 +47,7 @@ from multicor_cli.engine.energy.account import (
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.pieces import Pieces
 from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.motion.cell import require_slowness
 from multicor_cli.engine.motion.layout import Layout
 from multicor_cli.engine.motion.prediction import Prediction
 from multicor_cli.engine.motion.walls import WallMotion
@@ -79,10 +80,11 @@ class StepContacts:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
         layout = self.layout
         walls = after[layout.model.grain_count :, :3].copy()
-        return cutoff_of_velocities(
+        cutoff = cutoff_of_velocities(
             step.scene, after, _NO_FALL, walls, walls, self.motion.extent, step.dt,
             layout.pairs.largest,
         )  # fmt: skip
+        return require_slowness(cutoff, layout.state.step)
 
     def far(self, step: Prediction, cutoff: float, bodies: Floats) -> float:
         """A gap that no points of a pair close [m], with spins too.

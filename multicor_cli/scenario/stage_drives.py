@@ -4,10 +4,12 @@ A wall that a stage does not name keeps its drive and thermal condition, and so 
 out of a named wall. At first everything is fixed, and the condition is that of the wall's table, or
 insulated. A signal counts from the start of the stage that names it (that of a wall's table from
 the start of the run): one that is kept goes on where it is, one that is named again starts again.
+While a stage is frozen, what drives walls waits; their thermal conditions go on.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
@@ -118,21 +120,28 @@ class StageDrives:
         walls: One drive per wall; signals count from the start of the stage that named them.
         named_by: For each wall the index of the stage that named its x, y, spin and surface;
             `NEVER` if none has (then it is fixed).
+        frozen: Stages before in which nothing moves.
     """
 
     stage: int
     walls: tuple[engine.WallDrive, ...]
     named_by: tuple[tuple[int, int, int, int], ...]
+    frozen: tuple[int, ...] = ()
 
     def started(self, stage_starts: Sequence[float]) -> list[engine.WallDrive]:
         """The drives as functions of the time since the start of this stage.
 
         ``stage_starts`` are the times at which the stages up to this one have begun [s].
         """
+        stood = [
+            math.fsum(stage_starts[k + 1] - stage_starts[k] for k in self.frozen if k < stage)
+            for stage in range(len(stage_starts))
+        ]
+        moving = [start - still for start, still in zip(stage_starts, stood, strict=True)]
 
         def since(dof: engine.DofDrive, named_by: int) -> engine.DofDrive:
             def kept(signal: Kept) -> Kept | engine.Shifted:
-                return kept_signal(signal, named_by, self.stage, stage_starts)
+                return kept_signal(signal, named_by, self.stage, moving)
 
             spring = dof.spring and replace(dof.spring, anchor=kept(dof.spring.anchor))
             return replace(
@@ -148,7 +157,7 @@ class StageDrives:
         started = []
         for wall, named_by in zip(self.walls, self.named_by, strict=True):
             x, y, spin = (since(*dof) for dof in zip(wall.dofs(), named_by[:3], strict=True))
-            surface = kept_signal(wall.surface, named_by[3], self.stage, stage_starts)
+            surface = kept_signal(wall.surface, named_by[3], self.stage, moving)
             started.append(engine.WallDrive(x, y, spin, surface))
         return started
 
@@ -162,8 +171,14 @@ def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[St
             x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
             engine_drives.append(engine.WallDrive(x, y, spin, surface.velocity))
         named_by = tuple((x.stage, y.stage, spin.stage, s.stage) for x, y, spin, s in walls)
-        drives.append(StageDrives(number, tuple(engine_drives), named_by))
+        drives.append(
+            StageDrives(number, tuple(engine_drives), named_by, _frozen_before(loading, number))
+        )
     return drives
+
+
+def _frozen_before(loading: Sequence[Stage], number: int) -> tuple[int, ...]:
+    return tuple(k for k, stage in enumerate(loading[:number]) if stage.frozen)
 
 
 def cell_drives(loading: Sequence[Stage]) -> list[StageDrives]:
@@ -173,6 +188,7 @@ def cell_drives(loading: Sequence[Stage]) -> list[StageDrives]:
             number,
             (engine.WallDrive(_component(xx.dof), _component(yy.dof), _component(xy.dof)),),
             ((xx.stage, yy.stage, xy.stage, NEVER),),
+            _frozen_before(loading, number),
         )
         for number, (xx, yy, xy) in enumerate(cell.values() for cell in resolve_cell(loading))
     ]

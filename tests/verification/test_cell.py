@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from multicor_cli.engine import Engine
 from multicor_cli.engine.motion.cell import wrap_cell
-from multicor_cli.engine.orders import Settings
+from multicor_cli.engine.orders import PhysicsError, Settings
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.state import State
 
@@ -284,3 +284,22 @@ def test_overlaps_are_corrected_by_the_cell_where_a_stress_drives_it():
     flow(model, state, orders(PRESSURE, PRESSURE), DT)
     overlap = 2.0 * (1.0 - state.wall_position[0, 0] / 8.0)
     assert overlap == pytest.approx(2.5e-4, rel=0.2)
+
+
+# ---- Where there is nothing to compute
+
+
+@pytest.mark.parametrize("dt", [0.5, 5.0])
+def test_a_cell_that_strains_too_fast_is_refused(dt):
+    """By more than itself in a step; lists of what is near would reach to anywhere."""
+    model, state = loose_cell(30)
+    with pytest.raises(PhysicsError, match="strains by as much as its size in a step"):
+        flow(model, state, orders(("stress", 1e3), ("stress", 1e3)), 200.0 * dt, dt=dt)
+
+
+@pytest.mark.parametrize("drive", [("velocity", -1.0), ("stress", 0.3)])
+def test_a_cell_that_nothing_holds_is_refused_before_grains_meet_their_images(drive):
+    model, state = make_cell([[1.0, 1.0], [5.0, 4.0]], [0.4, 0.6], (8.0, 8.0))
+    with pytest.raises(PhysicsError, match=r"the cell would be .* where the largest grain is 1\.2 m"):
+        flow(model, state, orders(drive, drive), 500.0 * DT)
+    assert state.wall_position[0, :2].min() >= 2.4

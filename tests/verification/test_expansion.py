@@ -12,6 +12,7 @@ from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Spring, WallDrive
 from multicor_cli.engine.orders import PhysicsError
+from multicor_cli.model import ShapeKind
 
 ALPHA = 1e-3
 
@@ -79,6 +80,25 @@ def test_a_spring_is_pressed_by_what_expands():
     pressed = engine.contacts().impulse[-1, 0] / 1e-3
     assert pressed == pytest.approx(20.0 + 1e4 * 5.0 * ALPHA * 3.0, rel=1e-6)
     assert book(engine.state, "closure") < 1e-13
+
+
+@pytest.mark.parametrize("wet", [False, True])
+def test_what_hangs_by_adhesion_lifts_its_weight_and_no_attraction(wet):
+    """Below a ceiling a disc goes down by a α ΔT: it gets that of its weight. On a floor it goes up
+    by as much, whatever it sticks with."""
+    for plane, place in (((0.0, 0.0, 0.0, -1.0), -0.5), ((0.0, 0.0, 0.0, 1.0), 0.5)):
+        model = make_model(
+            [0.5], [(ShapeKind.PLANE, 0, plane)], mass=1.0, adhesion=60.0, reach=0.01, wet=wet
+        )
+        model = expanding(with_heat(model, 300.0))
+        engine = coupled_engine(model, [[0.0, place]], conduction="none", friction="none")
+        warmed(engine, 10.0, 100)
+        state, risen = engine.state, 0.5 * ALPHA
+        assert state.radius[0] == pytest.approx(0.5 + risen, rel=1e-12)
+        assert abs(state.position[0, 1]) == pytest.approx(0.5 + risen, rel=1e-5)
+        work = float(model.grains.mass[0]) * G * risen * np.sign(place)
+        assert state.growth_books[0] == pytest.approx(work, rel=1e-2)
+        assert book(state, "closure") < 1e-12
 
 
 def test_a_ring_of_touching_discs_grows_as_they_do():

@@ -164,7 +164,7 @@ def _cells_within(
     """
     first, last = int(np.floor(low / size)), int(np.floor(high / size))
     if is_periodic:
-        return first, min(last, first + count - 1)
+        return (first, last) if last - first < count else (0, count - 1)
     return min(max(first, 0), count - 1), max(min(last, count - 1), 0)
 
 
@@ -321,12 +321,12 @@ def list_pairs(
     count = np.zeros(chunks, np.int64)
     for c in range(chunks):
         count[c] = ROOM * (cell_start[min(cells, (c + 1) * CHUNK)] - cell_start[c * CHUNK])
-    begin = np.zeros(chunks + 1, np.int64)
+    begin, room = np.zeros(chunks + 1, np.int64), count.copy()
     first, second = np.empty(0, np.int32), np.empty(0, np.int32)
     is_full = True
     while is_full:  # once more where there was not room enough
         for c in range(chunks):
-            begin[c + 1] = begin[c] + count[c] + 1  # one that is not near is written, too
+            begin[c + 1] = begin[c] + room[c] + 1  # one that is not near is written, too
         first, second = np.empty(begin[chunks], np.int32), np.empty(begin[chunks], np.int32)
         for number in prange(chunks):
             chunk: int = np.int64(number)  # type: ignore[assignment]  # unsigned, the functions below would be compiled once more
@@ -349,7 +349,8 @@ def list_pairs(
             count[chunk] = found
         is_full = False
         for c in range(chunks):
-            is_full |= begin[c] + count[c] >= begin[c + 1]
+            is_full |= count[c] > room[c]
+            room[c] = max(room[c], count[c])
     return _rows_of(grain_count, first, second, begin, count)
 
 

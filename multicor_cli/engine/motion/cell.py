@@ -14,11 +14,13 @@ and the scheme is of second order.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats
 
@@ -39,6 +41,32 @@ def sides_at_end(middle: Floats, gradient: Floats, half: float) -> Floats:
     width, height, tilt = middle.tolist()
     xx, yy, xy = (half * gradient).tolist()
     return np.array([width + xx * width, height + yy * height, tilt + (xx * tilt + xy * height)])
+
+
+def require_room(sides: Floats, diameter: float, step: int) -> None:
+    """Raise `PhysicsError` at a ``step`` that leaves less than two largest diameters [m]."""
+    width, height = sides[:2].tolist()
+    if not min(width, height) >= 2.0 * diameter:
+        message = (
+            f"the cell would be {width:.3g} m by {height:.3g} m, where the largest grain is "
+            f"{diameter:.3g} m wide: nothing holds it against its stress, or its rate leads there; "
+            "give it more grains, another rate or stress, or a shorter time step"
+        )
+        raise PhysicsError(step, message)
+
+
+def require_slowness(cutoff: float, step: int) -> float:
+    """The gap that no pair closes in a ``step``, if there is one: a cell may strain too fast.
+
+    Raises `PhysicsError` if there is none.
+    """
+    if cutoff < math.inf:
+        return cutoff
+    message = (
+        "the cell strains by as much as its size in a step: give a shorter time step, a smaller "
+        "stress or rate, or a greater cell_inertia"
+    )
+    raise PhysicsError(step, message)
 
 
 @kernel

@@ -443,6 +443,8 @@ def _name_overlap(
     i, j = _worst_pair(scene, pieces, lists.row, lists.partner, marked)
     n = model.grain_count
     why = "too many grains between prescribed walls?"
+    if model.is_cell:
+        why = "does the cell shrink too fast, or below the room that its grains need?"
     if model.expansion.size:
         why = "grains that expand need walls that give way: give one a load, or a spring"
     other = model.name_of(j) if j < n else f"wall '{model.walls.names[model.shapes.wall[j - n]]}'"

@@ -147,14 +147,20 @@ def push(rate: Floats, dt: float, i: Ints, j: Ints, lanes: Lanes, contacts: Cont
 def work_of_growth(
     rate: Floats, dt: float, i: Ints, j: Ints, lanes: Lanes, contacts: Contacts
 ) -> float:
-    """Work of the growth of the grains on their contacts Σ p_n g [J]; arguments as `push`."""
+    """Work of the growth of the grains on their contacts Σ p_n g [J]; arguments as `push`.
+
+    Impulses are q_n = p_n + F Δt where grains adhere (theory §3.1).
+    """
     work = 0.0
     for q in range(lanes.slot.shape[0]):
         for lane in range(LANES):
             growth = _growth_in(rate, dt, i, j, lanes, q, lane)
-            work += lanes.impulse[q, NORMAL, lane] * growth if growth != 0.0 else 0.0
+            if growth != 0.0:
+                attraction = contacts[lanes.slot[q, lane]].attraction
+                work += (lanes.impulse[q, NORMAL, lane] - attraction) * growth
     for c in lanes.of_walls:
-        work += contacts[c].p_n * _growth_at(rate[i[c]], contacts[c].gap, dt)
+        p_n = contacts[c].p_n - contacts[c].attraction
+        work += p_n * _growth_at(rate[i[c]], contacts[c].gap, dt)
     return work
 
 
@@ -192,7 +198,7 @@ def work_at_points(
         for c in range(faces.first[f], faces.first[f] + faces.room[f]):
             if contacts[c].gap < inf:
                 growth = _growth_of(rate, radius, spin_radius, dt, c, contacts)
-                work += contacts[c].p_n * growth
+                work += (contacts[c].p_n - contacts[c].attraction) * growth
     return work
 
 

@@ -18,7 +18,12 @@ from multicor_cli.engine.contact.selection import AHEAD
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.scene import Scene, scene_of
-from multicor_cli.engine.motion.cell import carry_to_middle, convect, sides_at_middle
+from multicor_cli.engine.motion.cell import (
+    carry_to_middle,
+    convect,
+    require_slowness,
+    sides_at_middle,
+)
 from multicor_cli.engine.motion.layout import Growth, Layout
 from multicor_cli.engine.motion.moves import are_sound, predict
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
@@ -136,7 +141,7 @@ class Predictor:
             scene, layout.free, fall, motion.before, walls, motion.extent, AHEAD * dt,
             layout.pairs.largest,
         )  # fmt: skip
-        return max(cutoff, longest_reach(self.laws))
+        return require_slowness(max(cutoff, longest_reach(self.laws)), layout.state.step)
 
     def _stop(self, step: Prediction, walls: Floats) -> Prediction:
         """Grains that no step before has kept apart from others do not go through them to q_m."""

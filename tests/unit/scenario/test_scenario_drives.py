@@ -1,8 +1,11 @@
 """From loading stages to the drives of the engine: what is not named again is kept, and its signal
 goes on."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
-from scenes import SHEAR
+from scenes import HEATED, SHEAR
 
 from multicor_cli.engine.motion.drives import (
     Constant,
@@ -47,6 +50,16 @@ def test_a_kept_signal_goes_on_and_knows_its_past():
     assert walls[TOP].y == last.walls[TOP].y
     assert walls[BOTTOM] == last.walls[BOTTOM]
     assert Shifted(Interpolated((0.0, 1.0), (0.0, 2.0)), 0.25).value(0.25) == pytest.approx(1.0)
+
+
+def test_a_kept_signal_waits_while_a_stage_is_frozen():
+    """Nothing moves then: a wall would leap afterwards. Its temperature goes on."""
+    walls = replace(SCENARIO.drives()[2], frozen=(1,)).started([0.0, 0.375, 0.5])
+    assert walls[PADDLE].spin.force == Shifted(Sine(0.0, 1e-6, 0.1, 0.0), 0.375)
+    frozen = [stage.frozen for stage in parse_scenario(HEATED, "h.toml").loading]
+    before = [stage.frozen for stage in parse_scenario(HEATED, "h.toml").drives()]
+    assert any(frozen[:-1])
+    assert before == [tuple(np.flatnonzero(frozen[:k])) for k in range(len(frozen))]
 
 
 def test_only_kept_signals_that_vary_need_the_starts_of_stages():

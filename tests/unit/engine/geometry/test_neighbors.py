@@ -97,6 +97,38 @@ def test_list_has_room_for_all():
     assert _listed(lists) == near
 
 
+def test_room_for_all_is_found_where_walls_are_rough():
+    """Pairs of two discs of walls count as long as there is no room, and no longer."""
+    ring, top = 27, 0.5
+    angles = 2.0 * np.pi * np.arange(int(2.0 * np.pi * ring)) / int(2.0 * np.pi * ring)
+    x, y = np.meshgrid(np.arange(-ring, ring, 1.03), np.arange(1.0 - ring, ring, 0.9))
+    x = x + 0.5 * (np.arange(len(x)) % 2)[:, None]
+    inside = (np.hypot(x, y) < ring - 1.01) & (y < top * ring)
+    positions = np.column_stack([x[inside], y[inside], np.zeros(inside.sum())])
+    radius = np.full(len(positions), 0.5)
+    rough = [(ShapeKind.DISC, 0, (ring * np.cos(a), ring * np.sin(a), 0.5, 0.0)) for a in angles]
+    model = make_model(radius, rough, ("drum",))
+    lists = NeighborList(model)
+    lists.update(_scene(model, positions), 0.7)
+    everyone = np.concatenate(
+        [positions[:, :2], ring * np.column_stack([np.cos(angles), np.sin(angles)])]
+    )
+    of_all = _all_pairs(everyone, np.full(len(everyone), 0.5), 0.0, lists.complete)
+    assert _listed(lists) == {(i, j) for i, j in of_all if i < len(positions)}
+
+
+@pytest.mark.parametrize("cutoff", [2.6, 3.0, 4.5, 9.0])
+def test_a_list_may_reach_farther_than_a_period(cutoff):
+    """Each pair is listed once, by its nearest images, and no grain with itself."""
+    rng = np.random.default_rng(8)
+    radius = np.tile([0.2, 0.5], 20)
+    positions = np.column_stack([5.0 * rng.random(40), 60.0 * rng.random(40), np.zeros(40)])
+    model = make_model(radius, walls=(), period=5.0)
+    lists = NeighborList(model)
+    lists.update(_scene(model, positions), cutoff)
+    assert _listed(lists) == _all_pairs(positions, radius, 5.0, lists.complete)
+
+
 def test_list_is_kept_while_nothing_moves_far_and_rebuilt_in_time():
     rng = np.random.default_rng(2)
     n, reach = 200, 0.05
