@@ -318,6 +318,22 @@ def carry_presence(source: Source, model: Model, state: State) -> None:
         note_presence(state, model, 0)
 
 
+def carry_sizes(source: Source, model: Model, state: State) -> Model:
+    """Radii and what has worn off; returns the model with grains as large as they are there.
+
+    Grains that expand count both from their radius at the start of the run, where `grains_of` has
+    that; others begin as large and heavy as they are, with no wear.
+    """
+    old = source.state
+    if not (state.radius.size and old.radius.size):
+        return model
+    state.radius = old.radius.copy()
+    if model.sheds and source.model.sheds:
+        expands = model.grains.radius == source.model.grains.radius
+        state.wear = np.where(expands, old.wear, 0.0)
+    return model.with_radius(state.radius, model.worn_share(state.wear))
+
+
 def carried_over(
     scenario: Scenario, source: Source, model: Model, state: State
 ) -> tuple[Model, State]:
@@ -336,8 +352,6 @@ def carried_over(
     if old.wall_surface.size:
         state.wall_surface = np.zeros(model.wall_count)
         state.wall_surface[list(same)] = old.wall_surface[list(same.values())]
-    if state.radius.size and old.radius.size:
-        state.radius = old.radius.copy()
     _carry_contacts(source, model, state, same)
     if model.thermal is not None and source.model.thermal is not None:
         thermal = _carry_heat(scenario, source, model.thermal, state)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from run_fakes import in_pieces
-from scenarios import digests, scenario
+from scenarios import digests, plane, scenario
 from scenes import WARM, changed
 
 import multicor_cli as multicor
@@ -116,3 +116,37 @@ def test_another_run_goes_on_with_the_radii(bed, tmp_path, expands):
         assert first.tolist() == last.tolist()
         assert (more.frames[-1].radius is not None) == expands
     assert run_info(tmp_path / "more")["max_overlap"] < 1e-3
+
+
+@pytest.mark.parametrize("expansion", [0.0, 1e-5])
+def test_another_run_goes_on_with_what_is_left_of_worn_grains(expansion, run):
+    """A disc slides, wears and is heated: two runs, the second from the end of the first, come to
+    what one does, whether it expands or not.
+    """
+    a = 1e-3
+    told = {
+        "materials": {"glass": GLASS | ({"expansion": expansion} if expansion else {})},
+        "size": [1.0, 0.1], "contacts": [{"pair": ["*", "*"], "friction": 0.5, "wear": 0.5}],
+        "walls": {"floor": plane()}, "dt": 1e-4, "frame_interval": 0.05,
+        "heat": {"temperature": 300.0, "conduction": "none", "wear_shrinks": True},
+    }  # fmt: skip
+    grains = [[0.02, a, a, 9.0, 0.0, 0.0]]
+    uncut = run(scenario(grains=grains, duration=0.1, **told), "uncut")
+    first = run(scenario(grains=grains, duration=0.05, **told), "first")
+    group = {"name": "grains", "material": "glass", "shape": "disc", "thickness": 1e-3}
+    second = run(scenario(
+        particles=[group | {"packing": {"kind": "start"}}], start={"run": str(first.path)},
+        duration=0.05, **told,
+    ), "second")  # fmt: skip
+    here, there = second.frames[0], first.frames[-1]
+    assert here.model.grains.mass == pytest.approx(there.model.grains.mass, rel=1e-12)
+    assert second.series["kinetic_start"][-1] == pytest.approx(first.series["kinetic"][-1])
+    last, whole = second.frames[-1], uncut.frames[-1]
+    assert whole.wear[0] > 5e-3 * np.pi * a**2 * 1e-3
+    assert last.radius == pytest.approx(whole.radius, rel=1e-12)
+    assert last.model.grains.mass == pytest.approx(whole.model.grains.mass, rel=1e-12)
+    assert last.velocity[0, 0] == pytest.approx(whole.velocity[0, 0], rel=1e-10)
+    if expansion:  # else a heat capacity of its own begins anew
+        assert last.temperature == pytest.approx(whole.temperature, rel=1e-12)
+        assert last.wear.tolist() == whole.wear.tolist()
+    assert second.series["closure"][-1] < 1e-11
