@@ -46,9 +46,10 @@ _RUN, _FRAME = ("start", "run"), ("start", "frame")
 class Source:
     """A moment of another run: a frame, counted from 0, or the last checkpoint.
 
-    Of a frame with heat the temperatures at the start of ``model`` are the frame's; of a frame the
-    state is what it holds, without running averages of heat. ``size`` is that of the domain [m],
-    None if the scenario does not tell; ``geometries`` are tables of the walls, by their names.
+    Of a frame with heat the temperatures at the start of ``model`` are the frame's, unless grains
+    expand from those that they had at first; of a frame the state is what it holds, without running
+    averages of heat. ``size`` is that of the domain [m], None if the scenario does not tell;
+    ``geometries`` are tables of the walls, by their names.
     """
 
     path: Path
@@ -137,13 +138,19 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     if model.is_cell:  # frames have real velocities, states those relative to the mean flow
         state.velocity[:, :2] -= mean_flow(state.position, state.wall_velocity[0])
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
+    if frame.radius is not None and state.radius.size:
+        state.radius[here] = frame.radius
+        state.wear[here] = frame.wear
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
     thermal, of_walls = model.thermal, frame.wall_temperature
     if thermal is not None and frame.temperature is not None and of_walls is not None:
         temperature = thermal.initial_temperature.copy()
         temperature[here] = frame.temperature
-        model = replace(model, thermal=replace(thermal, initial_temperature=temperature))
+        if model.expansion.any():  # radii count from the temperatures at the start
+            state.heat = thermal.capacity * (temperature - thermal.initial_temperature)
+        else:
+            model = replace(model, thermal=replace(thermal, initial_temperature=temperature))
         state.wall_temperature = np.array(of_walls, float)
         digest.update(temperature.tobytes())
     return model, state, digest.hexdigest()
