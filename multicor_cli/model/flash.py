@@ -1,12 +1,13 @@
-"""Flash temperature of a contact that slides: how much hotter its spot is than the bodies.
+"""Flash temperature of a contact that slides: how hot its spot is, and how much by friction.
 
 Formula: a body over which a spot of radius a moves at speed v, and into which the power P flows
 evenly over the spot, is hotter in its hottest point by
 
     ΔT = 2 q a/(λ √(π (4/π + Pe))),   q = P/(π a²),   Pe = v a/2κ,   κ = λ/ρc.
 
-Both bodies are equally hot there (Blok's postulate), which says how they share the power: it is
-P/ΔT = G_i + G_j, with G = P/ΔT of each one.
+Both bodies are equally hot there (Blok's postulate), which says how they share the power: of equal
+warmth it is P/ΔT = G_i + G_j, with G = P/ΔT of each one. The spot of bodies of unlike warmth has
+also the heat that flows through it: T = (G_i T_i + G_j T_j + P)/(G_i + G_j).
 
 Source: X. Tian & F. E. Kennedy, J. Tribol. 116 (1994) 167 (uniform circular source, with 1.273 for
 4/π), between the limits of J. C. Jaeger, Proc. R. Soc. NSW 76 (1942) 203: at rest q a/λ (Pe < 1
@@ -71,3 +72,19 @@ def flash_rise(
     into_i = spot_conductance(radius, speed, conductivity_i, volumetric_i)
     into_j = spot_conductance(radius, speed, conductivity_j, volumetric_j)
     return power / (into_i + into_j)
+
+
+def spot_temperature(
+    first: Number, second: Number, power: Number, radius: Number, slip: Number,
+    conductivity_i: Number, volumetric_i: Number, conductivity_j: Number, volumetric_j: Number,
+) -> Number:  # fmt: skip
+    """Hottest point of a spot ``(G_i T_i + G_j T_j + P)/(G_i + G_j)`` [K].
+
+    T_i and T_j of the bodies [K], else as `flash_rise`; T_j counts nothing if λ_j = 0, and must be
+    a number. Of bodies that conduct alike it is ½(T_i + T_j) + ΔT, to the bit.
+    """
+    speed = 0.5 * slip
+    into_i = spot_conductance(radius, speed, conductivity_i, volumetric_i)
+    into_j = spot_conductance(radius, speed, conductivity_j, volumetric_j)
+    through = 0.5 * (into_i - into_j) * (first - second)
+    return 0.5 * (first + second) + (through + power) / (into_i + into_j)

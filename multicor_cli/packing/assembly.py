@@ -95,11 +95,13 @@ def place(scenario: Scenario) -> Placed:
     if source is not None and source.model.outlets is not None and model.outlets is None:
         model = replace(model, outlets=())  # grains that are not there stay away
     state = _state(scenario, model, walls, groups)
+    sized = model
     if source is not None:
         if model.is_cell:
             state.wall_position[:] = source.state.wall_position
         other_run.carry_presence(source, model, state)
-    _refuse_overlaps(scenario, model, state, walls)
+        sized = other_run.carry_sizes(source, model, state)
+    _refuse_overlaps(scenario, sized, state, walls)
     if source is not None:
         model, state = other_run.carried_over(scenario, source, model, state)
         _refuse_unknown_forces(scenario, source, state)

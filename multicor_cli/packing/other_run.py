@@ -46,9 +46,10 @@ _RUN, _FRAME = ("start", "run"), ("start", "frame")
 class Source:
     """A moment of another run: a frame, counted from 0, or the last checkpoint.
 
-    Of a frame with heat the temperatures at the start of ``model`` are the frame's; of a frame the
-    state is what it holds, without running averages of heat. ``size`` is that of the domain [m],
-    None if the scenario does not tell; ``geometries`` are tables of the walls, by their names.
+    Of a frame with heat the temperatures at the start of ``model`` are the frame's, unless grains
+    expand from those that they had at first; of a frame the state is what it holds, without running
+    averages of heat. ``size`` is that of the domain [m], None if the scenario does not tell;
+    ``geometries`` are tables of the walls, by their names.
     """
 
     path: Path
@@ -137,13 +138,19 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     if model.is_cell:  # frames have real velocities, states those relative to the mean flow
         state.velocity[:, :2] -= mean_flow(state.position, state.wall_velocity[0])
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
+    if frame.radius is not None and state.radius.size:
+        state.radius[here] = frame.radius
+        state.wear[here] = frame.wear
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
     thermal, of_walls = model.thermal, frame.wall_temperature
     if thermal is not None and frame.temperature is not None and of_walls is not None:
         temperature = thermal.initial_temperature.copy()
         temperature[here] = frame.temperature
-        model = replace(model, thermal=replace(thermal, initial_temperature=temperature))
+        if model.expansion.any():  # radii count from the temperatures at the start
+            state.heat = thermal.capacity * (temperature - thermal.initial_temperature)
+        else:
+            model = replace(model, thermal=replace(thermal, initial_temperature=temperature))
         state.wall_temperature = np.array(of_walls, float)
         digest.update(temperature.tobytes())
     return model, state, digest.hexdigest()
@@ -318,6 +325,22 @@ def carry_presence(source: Source, model: Model, state: State) -> None:
         note_presence(state, model, 0)
 
 
+def carry_sizes(source: Source, model: Model, state: State) -> Model:
+    """Radii and what has worn off; returns the model with grains as large as they are there.
+
+    Grains that expand count both from their radius at the start of the run, where `grains_of` has
+    that; others begin as large and heavy as they are, with no wear.
+    """
+    old = source.state
+    if not (state.radius.size and old.radius.size):
+        return model
+    state.radius = old.radius.copy()
+    if model.sheds and source.model.sheds:
+        expands = model.grains.radius == source.model.grains.radius
+        state.wear = np.where(expands, old.wear, 0.0)
+    return model.with_radius(state.radius, model.worn_share(state.wear))
+
+
 def carried_over(
     scenario: Scenario, source: Source, model: Model, state: State
 ) -> tuple[Model, State]:
@@ -336,8 +359,6 @@ def carried_over(
     if old.wall_surface.size:
         state.wall_surface = np.zeros(model.wall_count)
         state.wall_surface[list(same)] = old.wall_surface[list(same.values())]
-    if state.radius.size and old.radius.size:
-        state.radius = old.radius.copy()
     _carry_contacts(source, model, state, same)
     if model.thermal is not None and source.model.thermal is not None:
         thermal = _carry_heat(scenario, source, model.thermal, state)

@@ -267,11 +267,22 @@ def derive_contacts(sums: dict[str, Floats]) -> dict[str, Floats]:
     }
 
 
-def inertial_numbers(model: Model, rate: Floats, pressure: Floats) -> dict[str, Floats]:
-    """Both `INERTIAL_NUMBERS` by name, of shear rates [1/s] and pressures [N/m]."""
+SIZE_SUMS = ("bodies", "mass", "covered", "diameters")
+"""Names of the sums of `size_sums`."""
+
+
+def size_sums(model: Model) -> list[float]:
+    """`SIZE_SUMS` over all grains of a frame, which may grow and wear: number, mass, area, size."""
     grains = model.grains
-    density = grains.mass.sum() / model.area.sum()
+    sums = (grains.mass.sum(), model.area.sum(), 2.0 * grains.radius.sum())
+    return [float(model.grain_count), *map(float, sums)]
+
+
+def inertial_numbers(sums: dict[str, Floats], rate: Floats, pressure: Floats) -> dict[str, Floats]:
+    """Both `INERTIAL_NUMBERS` by name, of `SIZE_SUMS`, shear rates [1/s] and pressures [N/m]."""
+    mass, diameter = (sums[name] / sums["bodies"] for name in ("mass", "diameters"))
+    density = sums["mass"] / sums["covered"]
     return {
-        "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
-        "inertial_number_density": np.abs(rate) * model.mean_diameter * np.sqrt(density / pressure),
+        "inertial_number": np.abs(rate) * np.sqrt(mass / pressure),
+        "inertial_number_density": np.abs(rate) * diameter * np.sqrt(density / pressure),
     }

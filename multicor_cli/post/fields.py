@@ -113,16 +113,19 @@ def fields(
     default = ["solid-fraction"] if points.is_grid else [f"velocity-{axis}" for axis in points.axes]
     wanted = _wanted(of or default, known, is_grid=points.is_grid)
     blocks = Blocks(_most_rows(len(points.coordinates) * len(names)) if points.is_grid else None)
-    coarse = None
+    coarse, sizes = None, list[float]()
     for frame in frames_of(source, chosen):
+        sizes.append(model_of(source, frame).mean_diameter)  # grains may grow and wear
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
             coarse = CoarseGrid(points.at, reach * diameter, lattice)
         sums = field_sums.frame_sums(source, frame, points, coarse, there)
         blocks.add(sums)
 
+    size = float(np.mean(sizes))
+
     def derive(sums: Floats) -> dict[str, Floats]:
-        return field_sums.derive(sums, names, points.axes, diameter)
+        return field_sums.derive(sums, names, points.axes, size)
 
     values = derive(blocks.total / chosen.size)
     error = _errors(blocks, derive, [field.name for field in known])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.model import Model
-from multicor_cli.model.flash import flash_rise, spot_peclet
+from multicor_cli.model.flash import flash_rise, spot_peclet, spot_temperature
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, shape_temperatures, with_forces
 from multicor_cli.post.source import (
@@ -55,9 +55,9 @@ class HotSpots(TimeTable):
     power of friction in the last step, v_t the sliding speed after it. The spot is that of Hertz,
     a = (3 f_n a*/4E*)^⅓ (Johnson 1985, eq. 4.22), of the force of this step; discs count as spheres
     of their radius, corners and sides of other shapes have the radii of curvature there, and what
-    lies on a side a spot of the area on which it is pressed, if that is larger. T_spot adds the
-    mean temperature of the two bodies. A wall without temperature takes no heat, and has no part in
-    the mean.
+    lies on a side a spot of the area on which it is pressed, if that is larger. T_spot is
+    (G_i T_i + G_j T_j)/(G_i + G_j) + ΔT: both bodies are equally hot in the contact. A wall without
+    temperature takes no heat, and has no part in it.
 
     Attributes:
         time: Times of the frames [s], shape ``(f,)``.
@@ -199,10 +199,11 @@ def _spots(model: Model, frame: Frame, materials: _Materials) -> _Spots:
         for end in ends
     ]
     conductivity = np.where(takes_heat, bodies[1][0], 0.0)
-    rise = flash_rise(power, radius, speed, *bodies[0], conductivity, bodies[1][1])
+    spot = power, radius, speed, *bodies[0], conductivity, bodies[1][1]
+    rise = flash_rise(*spot)
     peclets = [spot_peclet(radius, 0.5 * speed, *body) for body in bodies]
     peclet = np.where(takes_heat, np.maximum(*peclets), peclets[0])
-    hot = np.where(takes_heat, 0.5 * (first + second), first) + rise
+    hot = spot_temperature(first, np.where(takes_heat, second, first), *spot)
     return _Spots(rise, hot, radius, peclet, share, sharp)
 
 

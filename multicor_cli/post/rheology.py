@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model, cell
+from multicor_cli.model import cell
 from multicor_cli.model.columns import XX, YY, X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Bins, Extent, find_extent, heights, make_bins
@@ -16,11 +16,13 @@ from multicor_cli.post.bulk import (
     CONTACT_SUMS,
     INERTIAL_NUMBERS,
     OF_CONTACTS,
+    SIZE_SUMS,
     Band,
     contact_sums,
     derive_contacts,
     find_band,
     inertial_numbers,
+    size_sums,
     strain_and_spin,
 )
 from multicor_cli.post.contacts import has_forces
@@ -44,6 +46,7 @@ from multicor_cli.post.table import Quantity, TimeTable, average_ratios, sums_be
 
 SUM_NAMES = (
     "lapse", "rate", "spin", "solid", "area", "kinetic", "weight", "stress_area", *CONTACT_SUMS,
+    *SIZE_SUMS,
 )  # fmt: skip
 """Names of the sums of `interval_sums`."""
 
@@ -66,7 +69,8 @@ def interval_sums(
     motion = (lapse, *strain_and_spin(band, model, first, second))
     bulk = (solid.sum(), (high - low) * model.period, 0.5 * (slip**2).sum(), inside.sum())
     area = bulk[1] if has_forces(second) else 0.0
-    return np.array([*motion, *bulk, area, *contact_sums(model, second, inside, low, high)])
+    contacts = contact_sums(model, second, inside, low, high)
+    return np.array([*motion, *bulk, area, *contacts, *size_sums(model)])
 
 
 # ---- A layer: what is measured, and its averages
@@ -171,7 +175,7 @@ def rheology(
     rows = [interval_sums(source, band, flow, *pair, lapse) for pair, lapse in pairs]
     sums = np.column_stack([np.array(rows), _sum_walls(source, extent, times)])
     model, names = source.model, source.model.walls.names
-    found = average_ratios(lambda rows: _derive(model, rows, direction), sums, times)
+    found = average_ratios(lambda rows: _derive(model.period, rows, direction), sums, times)
     assert extent.lower is not None
     assert extent.upper is not None
     facts = {
@@ -219,15 +223,15 @@ def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
     return sums_between(np.asarray(series["time"]), times, rows)
 
 
-def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
+def _derive(period: float, sums: Floats, direction: float) -> dict[str, Floats]:
     """Each quantity of `QUANTITIES` from rows of sums."""
     s = dict(zip(_COLUMNS, sums.T, strict=True))
     rate = s["rate"] / s["lapse"]
-    pressure = s["normal_impulse"] / s["window"] / model.period
+    pressure = s["normal_impulse"] / s["window"] / period
     return {
         "shear_rate": rate,
         "pressure": pressure,
-        **inertial_numbers(model, rate, pressure),
+        **inertial_numbers(s, rate, pressure),
         "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
         "friction_bulk": -direction * s["xy"] / s["yy"],
         "bulk_stress_yy": s["yy"] / s["stress_area"],
@@ -275,7 +279,9 @@ CELL_QUANTITIES = (
 _OF_SERIES = (
     "window", "area", *(f"{of}_{k}" for of in ("stress", "contact", "strain") for k in _AXES),
 )  # fmt: skip
-_OF_FRAMES = ("lapse", "turn", "kinetic", "weight", *CONTACT_SUMS)
+_OF_FRAMES = (
+    "lapse", "cover", "turn", "kinetic", "weight", *CONTACT_SUMS, *SIZE_SUMS,
+)  # fmt: skip
 
 
 class CellRheology(TimeTable):
@@ -320,11 +326,11 @@ def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
     model, bins = source.model, make_bins(source, chosen)
     times = np.asarray(source.frames.time)[chosen]
     pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
-    rows = [_of_frames(model, bins, *pair, lapse) for pair, lapse in pairs]
+    rows = [_of_frames(source, bins, *pair, lapse) for pair, lapse in pairs]
     sums = np.column_stack([_of_series(source, times), np.array(rows)])
     shear = float(sums[:, _OF_SERIES.index("stress_xy")].sum())
     found = average_ratios(
-        lambda rows: _derive_cell(model, bins.extent.height, float(np.sign(shear)), rows),
+        lambda rows: _derive_cell(bins.extent.height, float(np.sign(shear)), rows),
         sums,
         times,
     )
@@ -350,18 +356,21 @@ def _of_series(source: Run, times: Floats) -> Floats:
     return sums_between(np.asarray(series["time"]), times, rows)
 
 
-def _of_frames(model: Model, bins: Bins, first: Frame, second: Frame, lapse: float) -> Floats:
+def _of_frames(source: Run, bins: Bins, first: Frame, second: Frame, lapse: float) -> Floats:
     """Sums `_OF_FRAMES`, then c_x times area and area of the grains in each bin."""
+    model = model_of(source, second)
     slip, everywhere = relative_velocity(second), np.ones(model.grain_count, np.bool_)
     turn = np.asarray(second.angle, np.float64) - np.asarray(first.angle, np.float64)
-    motion = (lapse, turn.mean(), 0.5 * (slip**2).sum(), len(slip))
+    cover = 0.5 * lapse * (model_of(source, first).area.sum() + model.area.sum())
+    motion = (lapse, cover, turn.mean(), 0.5 * (slip**2).sum(), len(slip))
     shares = bins.share(heights(second), cut_of(model, second), bins.place(second))
     moved = bins.total(shares, shares.area * slip[shares.grain, X])
     contacts = contact_sums(model, second, everywhere, -np.inf, np.inf)
-    return np.array([*motion, *contacts, *moved, *bins.total(shares, shares.area)])
+    sizes = size_sums(model)
+    return np.array([*motion, *contacts, *sizes, *moved, *bins.total(shares, shares.area)])
 
 
-def _derive_cell(model: Model, height: float, sign: float, sums: Floats) -> dict[str, Floats]:
+def _derive_cell(height: float, sign: float, sums: Floats) -> dict[str, Floats]:
     """Each of `CELL_QUANTITIES` from rows of sums; ``sign`` is that of the mean σ_xy."""
     names = (*_OF_SERIES, *_OF_FRAMES)
     s = dict(zip(names, sums.T, strict=False))
@@ -380,10 +389,10 @@ def _derive_cell(model: Model, height: float, sign: float, sums: Floats) -> dict
         **{
             f"kinetic_stress_{k}": (s[f"stress_{k}"] - s[f"contact_{k}"]) / s["area"] for k in _AXES
         },
-        **inertial_numbers(model, rate, pressure),
+        **inertial_numbers(s, rate, pressure),
         "friction": sign * stress["xy"] / pressure,
         "normal_difference": 2.0 * half / pressure,
-        "solid_fraction": np.pi * (model.disc_radius**2).sum() * s["window"] / s["area"],
+        "solid_fraction": s["cover"] / s["lapse"] * s["window"] / s["area"],
         **derive_contacts(s),
         "spin_over_flow": -2.0 * (s["turn"] / s["lapse"]) / rate,
         "granular_temperature": s["kinetic"] / s["weight"],

@@ -28,7 +28,7 @@ from multicor_cli.engine.jit.arrays import CHUNK, cube_roots
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import NORMAL, X, Y
-from multicor_cli.model.flash import flash_rise, spot_conductance
+from multicor_cli.model.flash import spot_conductance, spot_temperature
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
@@ -280,7 +280,7 @@ def forces_at_rest(
 
 _SURELY = 1.0 - 1e-12
 
-for _needed in (spot_conductance, flash_rise):
+for _needed in (spot_conductance, spot_temperature):
     formula(_needed)
 
 
@@ -289,7 +289,7 @@ def hottest_spot(
     scene: Scene, i: Ints, j: Ints, radius: Floats, modulus: Floats, force: Floats, power: Floats,
     rubbing: Floats, normal: Floats, temperature: Floats, laws: HeatLaws, hottest: float,
 ) -> float:  # fmt: skip
-    """Temperature of the hottest spot [K]: mean of its bodies and flash; at least ``hottest``.
+    """Temperature of the hottest spot [K], in which both bodies are alike; at least ``hottest``.
 
     Contacts (i, j) have a* and E* (`Touching`), ``force`` and ``power`` of friction in the place of
     each in this step [N, W]; the spot is that of Hertz, as `post hot-spots` has it, whatever force
@@ -303,21 +303,24 @@ def hottest_spot(
         first, second = temperature[i[c]], temperature[j[c]]
         a, b = scene.material[i[c]], scene.material[j[c]]
         takes_heat = not np.isnan(second)
-        mean = 0.5 * (first + second) if takes_heat else first
+        if not takes_heat:
+            second = first
         conducts = laws.conductivity[b] if takes_heat else 0.0
-        # Spots are hottest at rest, P/(π a (λ_i + λ_j)): without a root most are known to be cooler
-        least = pi * (laws.conductivity[a] + conducts) * (hottest - mean)
+        # A flash is largest at rest, P/(π a (λ_i + λ_j)), above the warmer body at most: without a
+        # root most spots are known to be cooler
+        least = pi * (laws.conductivity[a] + conducts) * (hottest - max(first, second))
         volume = contact_volume(force[c], radius[c], modulus[c])
         if (
             least > 0.0
             and power[c] * power[c] * power[c] < _SURELY * (least * least * least) * volume
         ):
             continue
-        rise = flash_rise(
-            power[c], contact_radius(force[c], radius[c], modulus[c]), rubbing[c] / normal[c],
-            laws.conductivity[a], laws.volumetric[a], conducts, laws.volumetric[b],
+        spot = spot_temperature(
+            first, second, power[c], contact_radius(force[c], radius[c], modulus[c]),
+            rubbing[c] / normal[c], laws.conductivity[a], laws.volumetric[a],
+            conducts, laws.volumetric[b],
         )  # fmt: skip
-        hottest = max(hottest, mean + rise)
+        hottest = max(hottest, spot)
     return hottest
 
 

@@ -277,6 +277,8 @@ def _put(
         state.heat[grain] = 0.0
     if state.radius.size:
         state.radius[grain] = model.grains.radius[grain]
+    if model.sheds:  # else what has worn off is only counted
+        state.wear[grain] = 0.0
     state.presence[grain] = Presence.THERE
     state.released[release.group] += (1.0, float(model.grains.mass[grain]))
     book_in(state, model, np.array([grain]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import integrate, special
 
-from multicor_cli.model.flash import flash_rise, spot_conductance, spot_peclet
+from multicor_cli.model.flash import flash_rise, spot_conductance, spot_peclet, spot_temperature
 
 STEEL, VOLUMETRIC = 15.0, 7500.0 * 500.0
 ALUMINUM = 200.0, 2700.0 * 900.0
@@ -66,6 +66,26 @@ def test_bodies_share_the_power():
     assert rise == pytest.approx(swapped, rel=1e-15)
     alone = flash_rise(0.05, SPOT, 0.1, STEEL, VOLUMETRIC, 0.0, 0.0)
     assert alone == pytest.approx(2.0 * flash_rise(0.05, SPOT, 0.1, *BOTH))
+
+
+def test_a_spot_is_equally_hot_in_both_bodies():
+    """What flows into each, G_i (T − T_i), adds up to the power; without one, what flows out of the
+    warm body flows into the other. To the bit the mean and the flash where both conduct alike.
+    """
+    for power in (0.0, 0.05):
+        spot = spot_temperature(400.0, 300.0, power, SPOT, 0.1, STEEL, VOLUMETRIC, *ALUMINUM)
+        into = [
+            spot_conductance(SPOT, 0.05, *body) * (spot - warmth)
+            for body, warmth in (((STEEL, VOLUMETRIC), 400.0), (ALUMINUM, 300.0))
+        ]
+        assert sum(into) == pytest.approx(power, abs=1e-13 * into[1])
+    slow = spot_temperature(400.0, 300.0, 0.0, SPOT, 0.0, STEEL, VOLUMETRIC, *ALUMINUM)
+    assert slow == pytest.approx((15.0 * 400.0 + 200.0 * 300.0) / 215.0, rel=1e-14)
+    rise = flash_rise(0.05, SPOT, 0.1, *BOTH)
+    assert spot_temperature(400.0, 310.0, 0.05, SPOT, 0.1, *BOTH) == 355.0 + rise
+    alone = flash_rise(0.05, SPOT, 0.1, STEEL, VOLUMETRIC, 0.0, 0.0)
+    of_one = spot_temperature(400.0, 300.0, 0.05, SPOT, 0.1, STEEL, VOLUMETRIC, 0.0, 0.0)
+    assert of_one == pytest.approx(400.0 + alone, rel=1e-15)
 
 
 def test_of_arrays_and_in_kernels_as_of_numbers():

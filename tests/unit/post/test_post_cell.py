@@ -111,6 +111,22 @@ def test_rheology_of_three_grains(three):
         post.rheology(three.source, ALL, margin=1.0)
 
 
+def test_rheology_is_of_grains_as_large_and_heavy_as_they_are(three):
+    """Grown by a tenth and worn of a tenth of the mass: ν and both inertial numbers by hand."""
+    model = three.source.model
+    frames = [SimpleNamespace(**vars(frame)) for frame in three.source.frames]
+    for frame in frames:
+        frame.model = model.with_radius(1.1 * model.grains.radius, np.full(3, 0.1))
+    mean = post.rheology(source_of(model, frames, series=three.source.series), ALL).mean
+    cover, mass, root = 0.75 * np.pi * 1.21, 0.9 * model.grains.mass, np.sqrt(mean["pressure"])
+    assert mean["pressure"] == post.rheology(three.source, ALL).mean["pressure"]
+    assert mean["solid_fraction"] == pytest.approx(cover / (WIDTH * HEIGHT))
+    assert mean["inertial_number"] == pytest.approx(0.7 * np.sqrt(mass.mean()) / root)
+    assert mean["inertial_number_density"] == pytest.approx(
+        0.7 * 1.1 * np.sqrt(mass.sum() / cover) / root
+    )
+
+
 def test_stress_over_the_height_adds_up_to_that_of_the_cell(three):
     for axes, stress in zip(("xx", "xy", "yx", "yy"), three.contact.ravel(), strict=True):
         table = post.profile(three.source, f"stress-{axes}", ALL, 7)

@@ -243,6 +243,13 @@ def test_local_rheology_of_a_square_lattice():
     assert values["friction"] == pytest.approx(tau / pressure, rel=2e-3)
     assert values["inertial-number"] == pytest.approx(rate * np.sqrt(3.0 / pressure), rel=2e-3)
     assert values["fluidity"] == pytest.approx(rate * pressure / tau, rel=2e-3)
+    # Grains that have shrunk by a tenth and kept their mass: d̄ √ρ stays, and so does I √P
+    frame.model = model.with_radius(0.9 * model.grains.radius, np.zeros(k.size))
+    table = fields(source_of(model, [frame]), along=((3.0, 6.0), (9.0, 6.0)), reach=4.0)
+    smaller = {name: np.mean(value) for name, value in table.values.items()}
+    assert smaller["inertial-number"] * np.sqrt(smaller["pressure"]) == pytest.approx(
+        values["inertial-number"] * np.sqrt(values["pressure"]), rel=1e-3
+    )
 
 
 # --- standard errors of grids

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from layers import PLANE, STEEL, sliding
 from layers import SPHERE as A
-from scenarios import plane, scenario
+from scenarios import plane, rows_of, scenario
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, hot_spots
@@ -114,6 +114,32 @@ def test_the_engine_and_the_frames_see_the_same_spot(run):
     rows = np.searchsorted(np.asarray(made.series["time"]), table.time - 1e-9)
     assert table.values["rise_max"].min() > 1.0
     np.testing.assert_allclose(table.values["spot_max"], series[rows], rtol=1e-4)
+
+
+@pytest.mark.parametrize("grain", ["glass", "steel"])
+def test_a_spot_between_unlike_bodies_is_as_hot_as_both(grain, run):
+    """Glass (λ = 1) and steel (15) that slide slowly, at 300 and 400 K: the spot is nearly as warm
+    as the steel, (λ_i T_i + λ_j T_j)/(λ_i + λ_j), for the frames and for the engine.
+    """
+    materials = {
+        "glass": {"density": 2500.0, "young": 70e9, "poisson": 0.22, "conductivity": 1.0,
+                  "heat_capacity": 800.0},
+        "steel": {"density": 7800.0, "young": 193e9, "poisson": 0.29, "conductivity": 15.0,
+                  "heat_capacity": 500.0},
+    }  # fmt: skip
+    floor = {"glass": "steel", "steel": "glass"}[grain]
+    made = run(scenario(
+        particles=[rows_of([[0.05, 1e-3, 1e-3, 1e-3, 0.0]]) | {"material": grain}],
+        materials=materials, friction=0.01, dt=1e-4, duration=2e-4, frame_interval=1e-4,
+        heat={"temperature": 300.0},
+        walls={"floor": {"geometry": plane(), "material": floor,
+                         "thermal": {"temperature": 400.0}}},
+    ))  # fmt: skip
+    conductivity = {"glass": 1.0, "steel": 15.0}
+    expected = (300.0 * conductivity[grain] + 400.0 * conductivity[floor]) / 16.0
+    assert made.series["hottest_spot"][-1] == pytest.approx(expected, abs=2e-3)
+    table = hot_spots(made, Selection(frames=slice(-1, None)))
+    assert table.mean["spot_max"] == pytest.approx(expected, abs=2e-3)
 
 
 def test_wrong_runs_are_refused():

@@ -97,6 +97,21 @@ def test_what_was_put_in_comes_out(sign):
         assert table.values[name] == pytest.approx(np.full(4, mean[name]))
 
 
+def test_inertial_numbers_are_of_grains_as_large_and_heavy_as_they_are():
+    """Larger by a fifth, and worn of a tenth of the mass, which the run did not begin with."""
+    source = make_source()
+    grains = source.model.grains
+    for frame in source.frames:
+        frame.model = source.model.with_radius(1.2 * grains.radius, np.full(N, 0.1))
+    mean = rheology(source, Selection(start=0.0), margin=5.0).mean
+    mass = 0.9 * float(grains.mass.mean())
+    assert mean["inertial_number"] == pytest.approx(RATE * np.sqrt(mass / (PRESS / PERIOD)))
+    density = mass / (np.pi * (1.2 * RADIUS) ** 2)
+    assert mean["inertial_number_density"] == pytest.approx(
+        RATE * 2.4 * RADIUS * np.sqrt(density / (PRESS / PERIOD))
+    )
+
+
 def test_margin_is_eight_diameters_or_a_quarter_of_the_height():
     assert rheology(make_source(), Selection(start=0.0)).margin == pytest.approx(0.16)
     source = make_source()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from run_fakes import in_pieces
-from scenarios import digests
+from scenarios import digests, plane, scenario
 from scenes import WARM, changed
 
 import multicor_cli as multicor
@@ -15,6 +15,10 @@ BED = changed(
     WARM, ("hardness = 2e9", f"hardness = 2e9\nexpansion = {ALPHA}"),
     ("coefficient = 5.0", "coefficient = 5e3"), ("temperature = 290.0", "temperature = 400.0"),
 )  # fmt: skip
+GLASS = {
+    "density": 2500.0, "young": 70e9, "poisson": 0.22, "conductivity": 1.0, "heat_capacity": 80.0,
+    "hardness": 1e6,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +67,39 @@ def test_worn_grains_are_lighter_and_smaller_in_files(tmp_path):
     assert verify(tmp_path / "run") == []
 
 
+def test_worn_grains_come_again_as_they_came_first(run):
+    """A disc slides to an outlet that sends it back to wait: its second way is the first again, as
+    all of its mass and size is. Books close.
+    """
+    a = 1e-3
+    group = {
+        "count": 1, "material": "glass", "shape": "disc", "thickness": 1e-3, "temperature": 300.0,
+        "sizes": {"kind": "list", "radii": [a]}, "velocity": [3.0, 0.0],
+        "release": {"rate": 100.0, "region": {"min": [1e-3, 0.0], "max": [3.5e-3, 2.2e-3]}},
+    }  # fmt: skip
+    outlet = {"name": "end", "region": {"min": [0.05, -0.01], "max": [0.2, 0.1]}}
+    made = run(scenario(
+        particles=[group], materials={"glass": GLASS}, size=[0.2, 0.1],
+        contacts=[{"pair": ["*", "*"], "friction": 0.5, "wear": 0.3}],
+        outlets=[outlet | {"then": "release"}],
+        heat={"temperature": 300.0, "conduction": "none", "wear_shrinks": True},
+        duration=0.045, dt=2e-4, frame_interval=2e-4,
+    ))  # fmt: skip
+    x, wear = (
+        np.array([getattr(f, of)[0, ...].flat[0] for f in made.frames if len(f.position)])
+        for of in ("position", "wear")
+    )
+    ends = np.flatnonzero(np.diff(x) < -0.01)
+    assert ends.size == 2
+    first, second = wear[ends]
+    assert first > 1e-4 * np.pi * a**2 * 1e-3
+    assert wear[ends + 1].max() < 0.1 * first
+    assert second == pytest.approx(first, rel=0.03)  # it comes a little nearer to the outlet
+    series = made.series
+    assert series["closure"][-1] < 1e-12
+    assert series["mass_closure"][-1] < 1e-14
+
+
 @pytest.mark.parametrize("expands", [True, False])
 def test_another_run_goes_on_with_the_radii(bed, tmp_path, expands):
     """As they are, whether they go on growing or not."""
@@ -79,3 +116,38 @@ def test_another_run_goes_on_with_the_radii(bed, tmp_path, expands):
         assert first.tolist() == last.tolist()
         assert (more.frames[-1].radius is not None) == expands
     assert run_info(tmp_path / "more")["max_overlap"] < 1e-3
+
+
+@pytest.mark.parametrize("moment", [{"at": "end"}, {"frame": -1}])
+@pytest.mark.parametrize("expansion", [0.0, 1e-3])
+def test_another_run_goes_on_with_what_is_left_of_worn_grains(expansion, moment, run):
+    """A disc slides, wears and is heated: two runs, the second from the end of the first or from
+    its last frame, come to what one does, whether it expands or not.
+    """
+    a = 1e-3
+    told = {
+        "materials": {"glass": GLASS | ({"expansion": expansion} if expansion else {})},
+        "size": [1.0, 0.1], "contacts": [{"pair": ["*", "*"], "friction": 0.5, "wear": 0.5}],
+        "walls": {"floor": plane()}, "dt": 1e-4, "frame_interval": 0.05,
+        "heat": {"temperature": 300.0, "conduction": "none", "wear_shrinks": True},
+    }  # fmt: skip
+    grains = [[0.02, a, a, 9.0, 0.0, 0.0]]
+    uncut = run(scenario(grains=grains, duration=0.1, **told), "uncut")
+    first = run(scenario(grains=grains, duration=0.05, **told), "first")
+    group = {"name": "grains", "material": "glass", "shape": "disc", "thickness": 1e-3}
+    second = run(scenario(
+        particles=[group | {"packing": {"kind": "start"}}], start={"run": str(first.path)} | moment,
+        duration=0.05, **told,
+    ), "second")  # fmt: skip
+    here, there = second.frames[0], first.frames[-1]
+    assert here.model.grains.mass == pytest.approx(there.model.grains.mass, rel=1e-12)
+    assert second.series["kinetic_start"][-1] == pytest.approx(first.series["kinetic"][-1])
+    last, whole = second.frames[-1], uncut.frames[-1]
+    assert whole.wear[0] > 5e-3 * np.pi * a**2 * 1e-3
+    assert last.radius == pytest.approx(whole.radius, rel=1e-12)
+    assert last.model.grains.mass == pytest.approx(whole.model.grains.mass, rel=1e-12)
+    assert last.velocity[0, 0] == pytest.approx(whole.velocity[0, 0], rel=1e-10)
+    if expansion:  # else a heat capacity of its own begins anew
+        assert last.temperature == pytest.approx(whole.temperature, rel=1e-12)
+        assert last.wear == pytest.approx(whole.wear, rel=1e-12)
+    assert second.series["closure"][-1] < 1e-11
