@@ -45,12 +45,13 @@ def steady(run):
 
 
 def flow_rate(directory):
-    """Grains per second that leave in the steady flow; nan if an arch has closed the opening."""
+    """Grains per second that leave in the steady flow, until an arch closes the opening if one does;
+    nan if less than a hundred have left by then."""
     with multicor.open_run(directory) as run:
         time, left = run.series["time"], run.series["left"]
-        chosen = time >= steady(run)
-    rate = float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
-    return rate if rate > 0.0 else math.nan
+        chosen = (time >= steady(run)) & (time <= time[np.argmax(left == left[-1])])
+    time, left = time[chosen], left[chosen]
+    return float(np.ptp(left) / np.ptp(time)) if left.size and np.ptp(left) >= 100 else math.nan
 
 
 def test_the_flow_rate_follows_beverloo(silos, record_property):

@@ -300,6 +300,8 @@ def test_a_cell_that_strains_too_fast_is_refused(dt):
 @pytest.mark.parametrize("drive", [("velocity", -1.0), ("stress", 0.3)])
 def test_a_cell_that_nothing_holds_is_refused_before_grains_meet_their_images(drive):
     model, state = make_cell([[1.0, 1.0], [5.0, 4.0]], [0.4, 0.6], (8.0, 8.0))
-    with pytest.raises(PhysicsError, match=r"the cell would be .* where the largest grain is 1\.2 m"):
+    with pytest.raises(
+        PhysicsError, match=r"the cell would be .* where the largest grain is 1\.2 m"
+    ):
         flow(model, state, orders(drive, drive), 500.0 * DT)
     assert state.wall_position[0, :2].min() >= 2.4
