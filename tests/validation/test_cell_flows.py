@@ -141,12 +141,13 @@ def test_dense_and_loose_packings_reach_the_same_critical_state(record_property)
 def test_isotropic_packings_without_friction_are_isostatic(record_property):
     """Z = 4 without rattlers, under the stress that is asked for.
 
-    Pairs that overlap touch, too, and the more of them the longer the step in which they closed: with
-    the automatic step some thirteen contacts of 1,760 more carry a force than rigid discs without
-    overlap could have. So it ends with a quarter of that.
+    Pairs that overlap touch, too: soft discs have Z − 4 = 3.6 √Δν (O'Hern, Silbert, Liu & Nagel, Phys.
+    Rev. E 68, 011306, 2003) if they are compressed by Δν, that is by overlaps of ½ d Δν/ν. Rigid
+    ones, which share an overlap that the step leaves, have up to that. Single packings of 900 differ
+    by 0.015.
     """
-    found = []
-    for seed in (1, 2):
+    found, most = [], []
+    for seed in (1, 2, 3, 4):
         model, state = compressed(900, seed=seed, friction=0.0, duration=40.0)
         flow(model, state, orders(PRESSURE, PRESSURE), 100.0, dt=0.25 * DT)
         sharp = Settings(tolerance_rms=1e-8, tolerance_max=1e-6, tolerance_energy=1e-7)
@@ -164,9 +165,11 @@ def test_isotropic_packings_without_friction_are_isostatic(record_property):
                 break
             i, j = i[kept], j[kept]
         found.append(2.0 * i.size / np.count_nonzero(degree))
-        print(f"seed {seed}: Z = {found[-1]:.3f}, ν = {solid_fraction(model, state):.4f}, {stress}")
+        overlap, filled = -float(table.gap[loaded].mean()), solid_fraction(model, state)
+        most.append(4.0 + 3.6 * np.sqrt(2.0 * filled * overlap))
+        print(f"seed {seed}: Z = {found[-1]:.3f}, up to {most[-1]:.3f}, ν = {filled:.4f}, {stress}")
     keep(record_property, coordination=found)
-    assert np.mean(found) == pytest.approx(4.0, abs=0.02)
+    assert 4.0 - 0.02 < np.mean(found) < np.mean(most) < 4.06
 
 
 @pytest.mark.validation

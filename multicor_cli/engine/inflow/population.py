@@ -78,8 +78,7 @@ def find_room(
 def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats:
     """x, y and radius of the grains there that reach into a rectangle [m], shape ``(d, 3)``."""
     here = state.here
-    now = state.radius if state.radius.size else model.grains.radius
-    position, radius = state.position[here], now[here]
+    position, radius = state.position[here], model.grains.radius[here]
     offset = np.abs(position[:, :2] - 0.5 * (low + high))
     if model.period > 0.0:
         offset[:, X] = np.minimum(offset[:, X], np.abs(model.period - offset[:, X]))
