@@ -17,6 +17,7 @@ Dim = Literal[
     "series_row",
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
+    "ahead_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
     "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "flux_book", "expansion_grain",
     "expansion_book", "point_row", "near_point_row", "late_row", "grain_edge", "piece",
@@ -234,7 +235,7 @@ HEAT_BOOKS = (
     _entry("integration_error",
         "largest estimated error of temperatures in a sub-step so far, over their spread",
         series="heat_integration_error", since=(1, 4)),
-    _heat("ahead", "heat that grains have received beyond what their contacts have lost, now",
+    _heat("ahead", "heat that grains and walls have received beyond what their contacts have lost, now",
         since=(1, 6)),
     _entry("hottest_spot",
         "temperature of the hottest contact spot in the window, with the flash of its friction; 0 "

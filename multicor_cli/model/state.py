@@ -184,6 +184,9 @@ class State:
     wall_surface: Floats = _array(("surface_row",), "m/s",
         "velocity of the surface of each wall along it; empty as long as none has run",
         since=(1, 3))  # fmt: skip
+    wall_ahead: Floats = _array(("ahead_row",), "J",
+        "heat that each wall has received beyond what its contacts have lost; empty as long as none "
+        "has", since=(1, 14))  # fmt: skip
     # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not
     # there keeps what it had.
     presence: NDArray[np.uint8] = _array(("exchange_grain",), "1",
@@ -369,7 +372,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
 _OF_GRAINS, _OF_WALLS = (
     _fields("f8", "heat_grain", "grain", "cell_grain", "expansion_grain"),
-    _fields("f8", "wall", "heat_wall", "origin_row", "surface_row"),
+    _fields("f8", "wall", "heat_wall", "origin_row", "surface_row", "ahead_row"),
 )
 _CALLED = {"generated": "the heat generated", "nonaffine": "the displacement beside the mean flow"}
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
@@ -400,7 +403,8 @@ def find_misfit(state: State, model: Model) -> str | None:
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     count = model.wall_count
-    for name, shape in (("wall_origin", (count, 3)), ("wall_surface", (count,))):
+    per_wall = (("wall_origin", (count, 3)), ("wall_surface", (count,)), ("wall_ahead", (count,)))
+    for name, shape in per_wall:
         if getattr(state, name).shape not in ((0, *shape[1:]), shape):
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     if model.is_cell and not (state.wall_position[0, :XY] > 0.0).all():

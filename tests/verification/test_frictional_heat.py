@@ -15,10 +15,10 @@ from heat_parts import (
     with_heat,
     with_softening,
 )
-from scene_parts import FLOOR, G, advance, book, floor_and_lid, make_model, resume, shear_scene
+from scene_parts import FLOOR, G, advance, begin, book, floor_and_lid, make_model, resume, shear_scene
 
 from multicor_cli.engine import Settings
-from multicor_cli.engine.heat.books import receive
+from multicor_cli.engine.heat.books import receive, receive_walls
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import Gas
@@ -360,3 +360,39 @@ def test_no_grain_of_an_insulated_flow_becomes_colder_than_the_coldest_was():
         heat_book(state, "friction") + heat_book(state, "impact") + heat_book(state, "ahead"),
         rel=1e-12,
     )
+
+
+def test_friction_never_cools_a_wall_with_a_heat_capacity():
+    """As of grains: it receives the most that its contacts had lost at any time (theory §11.3)."""
+    state = State.at_rest(warm_model(shapes=floor_and_lid(5.0)), np.zeros((1, 2)))
+    lost, bodies = np.random.default_rng(4).normal(0.2, 1.0, (200, 2)), np.array([1])
+    given = []
+    for source in lost:
+        to_walls = source.copy()
+        receive_walls(state, to_walls, bodies)
+        assert to_walls[0] == source[0]  # of known temperature: nothing happens to it
+        given.append(to_walls[1])
+    most = np.maximum(np.maximum.accumulate(np.cumsum(lost[:, 1])), 0.0)
+    np.testing.assert_allclose(np.cumsum(given), most, rtol=1e-12)
+    assert state.wall_ahead[0] == 0.0
+    assert state.wall_ahead[1] == pytest.approx(most[-1] - lost[:, 1].sum(), abs=1e-11)
+    assert heat_book(state, "ahead") == pytest.approx(state.wall_ahead[1], abs=1e-11)
+
+
+def test_no_wall_of_an_insulated_flow_becomes_colder_than_all_were():
+    """As single contacts of grains gain energy, so do those of walls; the books close."""
+    body = WallHeat("capacity", capacity=1e-6, initial=300.0)
+    engine = shear(
+        0, conditions=[body, body], impact=True, conduction="none", solver=Settings(max_sweeps=10)
+    )
+    begin(engine, is_new=np.array([True, True]))
+    state, walls = engine.state, [np.full(2, 300.0)]
+    for k in range(200):
+        engine.step(0.02, 0.02 * k)
+        walls.append(state.wall_temperature.copy())
+    assert (np.diff(walls, axis=0) >= 0.0).all()
+    assert state.wall_ahead.max() > 0.0
+    assert heat_book(state, "ahead") == pytest.approx(
+        state.heat_ahead.sum() + state.wall_ahead.sum(), rel=1e-9
+    )
+    assert heat_book(state, "closure") < 1e-13

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
 from multicor_cli.engine.jit.arrays import column_totals, total_and_magnitude
@@ -34,9 +35,25 @@ def receive(state: State, source: Floats) -> Floats:
     return received
 
 
+def receive_walls(state: State, to_walls: Floats, bodies: NDArray[np.int64]) -> None:
+    """Likewise of what goes into the walls with a heat capacity [J], numbers ``bodies``.
+
+    **Modifies** ``to_walls``, shape ``(w,)``, which becomes what they receive.
+    """
+    received = np.empty(bodies.size)
+    ahead = state.wall_ahead[bodies] if state.wall_ahead.size else np.zeros(bodies.size)
+    more = advance(to_walls[bodies], ahead, np.zeros(bodies.size), received)
+    state.heat_books[_BOOK["ahead"]] += more
+    to_walls[bodies] = received
+    if ahead.any() and state.wall_ahead.size == 0:
+        state.wall_ahead = np.zeros(to_walls.size)
+    if state.wall_ahead.size:
+        state.wall_ahead[bodies] = ahead
+
+
 @kernel
 def advance(source: Floats, ahead: Floats, generated: Floats, received: Floats) -> float:
-    """The grains of `receive`; returns how much more they have received than was generated [J].
+    """The bodies of `receive`; returns how much more they have received than was generated [J].
 
     **Modifies** ``ahead`` and ``generated`` of the state, and ``received``.
     """

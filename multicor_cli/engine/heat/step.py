@@ -27,6 +27,7 @@ from multicor_cli.engine.heat.books import (
     note_contacts,
     note_hottest,
     receive,
+    receive_walls,
     strike_balance,
     warm,
 )
@@ -314,6 +315,7 @@ class HeatStep:
             scene, solved, rule, settings.impact, settings.laws, share, self._takes_heat,
             carried, heat, rubbing, generated, source, to_walls, state.wear, state.wall_wear,
         ).tolist()  # fmt: skip
+        receive_walls(state, to_walls, self._bodies)
         book_generated(state, friction, impact, to_walls)
         received = np.concatenate([receive(state, source), to_walls[self._bodies]])
         return _Rubbed(received, generated, carried, heat[:, FRICTION], rubbing)

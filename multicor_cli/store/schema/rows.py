@@ -190,7 +190,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "rolling_row": "C°", "near_row": "C⁺", "series_row": "S", "grain": "n", "shape": "m",
     "wall": "w", "material": "k", "group": "g", "stage": "L", "table_edge": "T+1", "table_row": "R",
     "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
-    "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
+    "origin_row": "w°", "surface_row": "w°", "ahead_row": "w°", "before_row": "B", "outlet": "o",
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
     "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
     "flux_book": "F°",
