@@ -90,9 +90,9 @@ RULES: tuple[Rule[Recorded], ...] = (
     ),
     Rule(
         "heat ahead of losses", _ahead, unit="of the heat generated", warning=0.01, bad=0.1,
-        meaning="Heat that grains and walls have received beyond what their contacts have lost so far, "
-            "over the heat of friction and impacts. Losses are exact together, not one by one: "
-            "negative ones are made up for by the next positive ones of the grain.",
+        meaning="Heat that grains and walls have received beyond what their contacts have lost so "
+            "far, over the heat of friction and impacts. Losses are exact together, not one by "
+            "one: negative ones are made up for by the next positive ones of the grain or wall.",
         remedy="As for negative losses: use a shorter dt, or lower tolerance_rms.",
     ),
     Rule(

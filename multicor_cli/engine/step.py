@@ -210,9 +210,11 @@ class Engine:
             F Δt (theory §3.1).
 
         Raises:
-            ValueError: If there is rolling resistance or a cell, of which a `ContactProblem` does
-                not know.
+            ValueError: If there is rolling resistance, a cell, or a grain that is no disc, of which
+                a `ContactProblem` does not know.
         """
+        if self.model.outlines is not None:
+            raise ValueError("contact problems of grains that are no discs cannot be written")
         if self.model.is_cell:
             raise ValueError(
                 "contact problems of a cell that is periodic in both directions cannot be written: "

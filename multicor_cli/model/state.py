@@ -185,8 +185,8 @@ class State:
         "velocity of the surface of each wall along it; empty as long as none has run",
         since=(1, 3))  # fmt: skip
     wall_ahead: Floats = _array(("ahead_row",), "J",
-        "heat that each wall has received beyond what its contacts have lost; empty as long as none "
-        "has", since=(1, 14))  # fmt: skip
+        "heat that each wall has received beyond what its contacts have lost; empty as long as "
+        "none has", since=(1, 14))  # fmt: skip
     # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not
     # there keeps what it had.
     presence: NDArray[np.uint8] = _array(("exchange_grain",), "1",

@@ -15,7 +15,7 @@ from multicor_cli.model import State
 
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
 EMPTY = (
-    "stage_notes", "wall_origin", "wall_surface", "heat_before", "released", "outlet_flow",
+    "stage_notes", "wall_origin", "wall_surface", "heat_before", "wall_ahead", "released", "outlet_flow",
     "exchange", "adhesion_books", "nonaffine", "gradient_books",
 )  # fmt: skip
 """The conditions of these stages have nothing to note, no wall has to know where it was, no surface

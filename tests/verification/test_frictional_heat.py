@@ -15,9 +15,19 @@ from heat_parts import (
     with_heat,
     with_softening,
 )
-from scene_parts import FLOOR, G, advance, begin, book, floor_and_lid, make_model, resume, shear_scene
+from scene_parts import (
+    FLOOR,
+    G,
+    advance,
+    begin,
+    book,
+    floor_and_lid,
+    make_model,
+    resume,
+    shear_scene,
+)
 
-from multicor_cli.engine import Settings
+from multicor_cli.engine import Interrupted, Settings
 from multicor_cli.engine.heat.books import receive, receive_walls
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import impact_exchange
@@ -143,28 +153,33 @@ def test_friction_that_weakens_at_lower_speeds_when_hot():
     assert heat_book(engine.state, "closure") < 1e-13
 
 
+@pytest.mark.parametrize("rolling", [0.0, 0.1])
 @pytest.mark.parametrize("wall", [None, 340.0])
-def test_the_hottest_spot_is_that_of_the_contact_that_slides(wall):
+def test_the_hottest_spot_is_that_of_the_contact_that_slides(wall, rolling):
     """(T_i + T_j)/2 + P/(G_i + G_j) with P = μ F v and the spot of Hertz (model.flash), the largest
-    of the window; a grain alone where the wall takes no heat; 0 when the grain rolls.
+    of the window; a grain alone where the wall takes no heat; no flash when the grain rolls, even
+    against a resistance, whose heat is no sliding's.
     """
     conditions = None if wall is None else [at_temperature(wall)]
     laws, dt = make_heat_laws(), 1e-3
-    model = warm_model(shapes=FLOOR, friction=MU)
+    model = warm_model(shapes=FLOOR, friction=MU, rolling=rolling)
     engine = coupled_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], conditions, laws=laws)
     force = model.grains.mass[0] * G
     spot = contact_radius(force, 1.0, laws.modulus[0, 0])
-    slip = 1.0 - 0.5 * 3.5 * MU * G * dt  # the mean of the first step
     body = laws.conductivity[0], laws.volumetric[0]
-    rise = flash_rise(MU * force * slip, spot, slip, *body, *(body if wall else (0.0, body[1])))
     engine.step(dt, 0.0)
+    velocity = engine.state.velocity[0]
+    slip = 0.5 * (1.0 + velocity[0] + velocity[2])  # the mean of the first step
+    rise = flash_rise(MU * force * slip, spot, slip, *body, *(body if wall else (0.0, body[1])))
     expected = (300.0 if wall is None else 320.0) + rise
     first = heat_book(engine.state, "hottest_spot")
     assert first == pytest.approx(expected, rel=1e-12)
     advance(engine, dt, 200)
     assert heat_book(engine.state, "hottest_spot") >= first
     engine.state.window[:] = 0.0
+    before = heat_book(engine.state, "friction")
     engine.step(dt, 0.0)
+    assert (heat_book(engine.state, "friction") > before + 1e-3) == (rolling > 0.0)
     assert heat_book(engine.state, "hottest_spot") < 300.01 + 20.0 * (wall is not None)
 
 
@@ -396,3 +411,14 @@ def test_no_wall_of_an_insulated_flow_becomes_colder_than_all_were():
         state.heat_ahead.sum() + state.wall_ahead.sum(), rel=1e-9
     )
     assert heat_book(state, "closure") < 1e-13
+
+
+def test_an_interrupted_step_of_a_frozen_stage_leaves_the_state_alone():
+    """The hottest spot of the window is in it."""
+    engine = slide(duration=2e-3, conditions=[at_temperature(310.0)])
+    resume(engine, is_frozen=True)
+    assert heat_book(engine.state, "hottest_spot") > 310.0
+    before = engine.state.digest()
+    with pytest.raises(Interrupted):
+        engine.step(1e9, 0.0, lambda: True)
+    assert engine.state.digest() == before

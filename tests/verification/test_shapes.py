@@ -530,3 +530,10 @@ def test_outlines_that_are_discs_have_the_bits_of_discs():
     for name, value in one.state.as_dict().items():
         if name not in ("contact_point", "near_points"):
             assert np.array_equal(value, other.state.as_dict()[name], equal_nan=True), name
+
+
+def test_a_contact_problem_is_made_of_discs_alone():
+    """Its levers are those of discs."""
+    engine = shaped_engine(shaped_model([[(box(0.5, 0.5), 0.0)]]), [[0.0, 0.25]])
+    with pytest.raises(ValueError, match="no discs"):
+        engine.next_start(1e-3, 0.0)

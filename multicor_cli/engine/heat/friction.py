@@ -439,6 +439,20 @@ def generated_heat(
                 heat[c, IMPACT] = -q_n * 0.5 * (was_n + u_n)
 
 
+@kernel
+def sliding_heat(scene: Scene, solved: Solved, rule: int, heat: Floats) -> Floats:
+    """Heat of friction without that of couples [J], shape ``(c,)``: what slides makes a flash."""
+    sliding = heat[:, FRICTION].copy()
+    for c in range(sliding.size):
+        if sliding[c] == 0.0:
+            continue
+        if rule == ENERGY:
+            sliding[c] -= rolling_loss(c, scene, solved.contacts, solved.after)
+        else:
+            sliding[c] -= rolled_loss(c, scene, solved.contacts, solved.after)
+    return sliding
+
+
 @parallel_kernel
 def generate(
     scene: Scene, solved: Solved, rule: int, has_impact: bool, laws: HeatLaws, share: Floats,

@@ -40,6 +40,7 @@ from multicor_cli.engine.heat.friction import (
     Solved,
     collide,
     generate,
+    sliding_heat,
     strike,
 )
 from multicor_cli.engine.heat.hits import hit, known_points
@@ -84,14 +85,14 @@ class _Rubbed(NamedTuple):
         received: Heat that grains and walls with a heat capacity receive [J].
         generated: All heat of each contact [J], shape ``(c,)``.
         normal: Normal impulses q_n [N s], likewise.
-        friction: Heat of friction [J], likewise.
+        sliding: Heat of friction without that of couples [J], likewise.
         rubbing: Normal force times slipped distance [N m], likewise; unknown where q_n is 0.
     """
 
     received: Floats
     generated: Floats
     normal: Floats
-    friction: Floats
+    sliding: Floats
     rubbing: Floats
 
 
@@ -200,7 +201,6 @@ class HeatStep:
             Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
         """
         scene = self._resting_scene()
-        note_hottest(self._state, 0.0)
         links, spots = self._rest(scene)
         self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
         source = np.zeros(self._capacity.size)
@@ -208,6 +208,7 @@ class HeatStep:
         self._integrate(
             links, source, scene, strayed, dt, t, is_frozen=True, should_stop=should_stop
         )
+        note_hottest(self._state, 0.0)
 
     def flow_nowhere(self, dt: float, t: float) -> None:
         """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
@@ -318,7 +319,10 @@ class HeatStep:
         receive_walls(state, to_walls, self._bodies)
         book_generated(state, friction, impact, to_walls)
         received = np.concatenate([receive(state, source), to_walls[self._bodies]])
-        return _Rubbed(received, generated, carried, heat[:, FRICTION], rubbing)
+        sliding = heat[:, FRICTION]
+        if self._knows_flash and not solved.is_plain and rule != NO_FRICTION:
+            sliding = sliding_heat(scene, solved, rule, heat)
+        return _Rubbed(received, generated, carried, sliding, rubbing)
 
     def _note_hottest(
         self, scene: Scene, spots: Spots, rubbed: _Rubbed, dt: float, t: float
@@ -330,7 +334,7 @@ class HeatStep:
             force, radius = spots.places.totals(rubbed.normal) / dt, touching.radius
             if touching.points is not None:
                 radius = touching.points.flash_radii(rubbed.normal / dt, force, touching.modulus)
-            power = spots.places.totals(np.maximum(rubbed.friction, 0.0)) / dt
+            power = spots.places.totals(np.maximum(rubbed.sliding, 0.0)) / dt
             hottest = hottest_spot(
                 scene, touching.i, touching.j, radius, touching.modulus, force, power,
                 rubbed.rubbing, rubbed.normal, self.shape_temperatures(t), self._settings.laws,

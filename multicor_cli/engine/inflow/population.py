@@ -78,7 +78,8 @@ def find_room(
 def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats:
     """x, y and radius of the grains there that reach into a rectangle [m], shape ``(d, 3)``."""
     here = state.here
-    position, radius = state.position[here], model.grains.radius[here]
+    radius = (state.radius if state.radius.size else model.grains.radius)[here]
+    position = state.position[here]
     offset = np.abs(position[:, :2] - 0.5 * (low + high))
     if model.period > 0.0:
         offset[:, X] = np.minimum(offset[:, X], np.abs(model.period - offset[:, X]))
@@ -347,6 +348,7 @@ class Population:
         self._model, self._state, self._rules = model, state, rules
         self._came: NDArray[np.int64] = np.empty(0, np.int64)
         self._before: State | None = None
+        self._books = state.exchange.copy()
         self._has_passed = False
         self._select()
 
@@ -354,6 +356,7 @@ class Population:
         """Let grains go and come as `pass_grains`, once before each step; returns whether any."""
         if self._has_passed:
             return False
+        self._books = self._state.exchange.copy()
         came = pass_grains(self._rules, self._model, self._state, self._keep)
         self._has_passed = True
         if came is not None:
@@ -382,6 +385,8 @@ class Population:
         before = self._before
         if before is not None:
             vars(self._state).update(vars(before))
+        elif self._has_passed:
+            self._state.exchange[:] = self._books
         self._settle()
         if before is not None:
             self._select()

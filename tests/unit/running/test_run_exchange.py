@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 import tomli_w
 from run_fakes import in_pieces
-from scenarios import digests, document, engine
+from scenarios import digests, document, engine, rows_of
 from scenarios import scenario as make_scenario
 
 import multicor_cli as multicor
 from multicor_cli import post
 from multicor_cli.checks import Verdict, check_run
 from multicor_cli.engine import Interrupted, PhysicsError
+from multicor_cli.engine.inflow.population import find_room
 from multicor_cli.export.csv_files import export_csv
 from multicor_cli.model import Presence
 from multicor_cli.packing import build, place
 from multicor_cli.post import PostError
 from multicor_cli.report.pack import view_of
+from multicor_cli.running.from_scenario import inflow_rules
 from multicor_cli.running.session import Session
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
@@ -484,3 +486,43 @@ def test_a_step_that_is_interrupted_takes_the_release_before_it_back():
     for each in (stopped, other):
         each.step(1e-3, 0.0)
     assert stopped.state.digest() == other.state.digest()
+
+
+def test_a_step_that_is_interrupted_leaves_the_books_of_who_waits_alone():
+    """Nobody comes, for want of room; how many wait for it is in the state, and in its digest."""
+    narrow = SHELF.replace("SPEED", "5e-3").replace("RATE", "1e5").replace("[0.07, ", "[0.034, ")
+    lying = f"""
+[[particles]]
+name = "lying"
+shape = "sphere"
+packing = {{ kind = "file", path = "{rows_of([[0.01, 0.101, 1e-3]])["packing"]["path"]}" }}
+"""
+    crowded, _ = engine(scenario(narrow + lying, dt=1e-3, duration=0.02))
+    for k in range(3):
+        crowded.step(1e-3, 1e-3 * k)
+    state = crowded.state
+    assert state.named("exchange")["behind"] > 0
+    state.exchange[list(state.named("exchange")).index("behind")] = 0.0
+    before = state.digest()
+    with pytest.raises(Interrupted):
+        crowded.step(1e-3, 3e-3, lambda: True)
+    assert crowded.state.digest() == before
+
+
+def test_room_is_sought_among_grains_as_large_as_they_have_become():
+    """A place beside a grain is free until it has grown."""
+    a = 1e-3
+    group = {"material": "glass", "shape": "disc", "sizes": {"kind": "list", "radii": [a]}}
+    release = {"rate": 1e3, "region": {"min": [0.01, 0.01], "max": [0.01 + 2 * a, 0.01 + 2 * a]}}
+    held = [[0.01 + a + 2.01 * a, 0.01 + a, a, 0.0, 0.0, 0.0]]
+    glass = {"density": 2500.0, "heat_capacity": 800.0, "conductivity": 1.0, "expansion": 1e-3}
+    told = make_scenario(
+        particles=[rows_of(held), group | {"name": "more", "count": 1, "release": release}],
+        materials={"glass": glass},
+        heat={"temperature": 300.0, "conduction": "none"},
+    )
+    model, state = build(told)
+    (rule,) = inflow_rules(told, model).releases
+    assert find_room(rule, 0, 1, model, state) == pytest.approx((0.01 + a, 0.01 + a), abs=1e-12)
+    state.radius[0] *= 1.02
+    assert find_room(rule, 0, 1, model, state) is None
