@@ -17,10 +17,10 @@ Dim = Literal[
     "series_row",
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
-    "ahead_row", "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
-    "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "flux_book", "expansion_grain",
-    "expansion_book", "point_row", "near_point_row", "late_row", "grain_edge", "piece",
-    "piece_edge", "corner", "book", "tally", "window",
+    "ahead_row", "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet",
+    "exchange_book", "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "flux_book",
+    "expansion_grain", "expansion_book", "point_row", "near_point_row", "late_row", "grain_edge",
+    "piece", "piece_edge", "corner", "book", "tally", "window",
 ]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
 ``k``. Those that begin with ``heat`` are 0 in states of runs without heat, those that begin with

@@ -15,11 +15,11 @@ from multicor_cli.model import State
 
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
 EMPTY = (
-    "stage_notes", "wall_origin", "wall_surface", "heat_before", "wall_ahead", "released", "outlet_flow",
-    "exchange", "adhesion_books", "nonaffine", "gradient_books",
+    "stage_notes", "wall_origin", "wall_surface", "heat_before", "wall_ahead", "released",
+    "outlet_flow", "exchange", "adhesion_books", "nonaffine", "gradient_books",
 )  # fmt: skip
 """The conditions of these stages have nothing to note, no wall has to know where it was, no surface
-runs, the run does not go on from another, no grain comes or goes, nothing adheres, and there is no cell."""
+runs, the run does not go on from another, no wall has a heat capacity, no grain comes or goes, nothing adheres, and there is no cell."""
 
 FLOATS = tuple(
     f.name
