@@ -26,17 +26,17 @@ from multicor_cli.store.segments import model_dims
 
 # ---- What a step will cost, from what the stage is about to do: sweeps of the solver, and time.
 #
-# Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.61 to
-# 1.9 times what whole runs take, for the steps that they do. Most of the rest is the number of
+# Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.46 to
+# 1.4 times what whole runs take, for the steps that they do. Most of the rest is the number of
 # sweeps.
 
 CONTACTS_PER_GRAIN = 1.3
 """Contacts within reach, loaded or not, per grain on average: 1.0 in fast flows, 1.8 in beds."""
 
-SWEEPS = 50.0
+SWEEPS = 30.0
 """Sweeps of a step at `INERTIAL_NUMBER`, or where nothing sets one, and at `TOLERANCE`."""
 
-INERTIAL_NUMBER, SLOWNESS = 0.03, 0.31
+INERTIAL_NUMBER, SLOWNESS = 0.03, 0.4
 """Slow flows need more sweeps, as the power -`SLOWNESS` of their inertial number."""
 
 FEWEST, MOST = 0.4, 6.0
@@ -45,19 +45,23 @@ FEWEST, MOST = 0.4, 6.0
 TOLERANCE, TIGHTNESS = 2e-3, 0.31
 """Likewise with ``tolerance_rms``."""
 
-SECONDS_PER_CONTACT = 8.4e-9
+SECONDS_PER_CONTACT = 6.5e-9
 """One sweep over one contact on one core [s]."""
 
-SECONDS_PER_GRAIN = 0.4e-6
+SECONDS_PER_GRAIN = 0.25e-6
 """Everything but the sweeps, per grain and step, on one core [s]."""
 
-SECONDS_PER_STEP = 0.6e-3
+SECONDS_PER_STEP = 0.3e-3
 """What a step costs however few grains there are [s]."""
 
 HEAT_PER_STEP, HEAT_PER_GRAIN = 0.3e-3, 0.1e-6
 """What heat adds to a step, and to that for each grain [s]."""
 
-EXCHANGE_PER_STEP = 1.2e-3
+PER_CONTACT_OF_OUTLINES, PER_GRAIN_OF_OUTLINES = 2.5, 4e-6
+"""How much longer a sweep over a contact of other grains than discs takes; and what finding their
+points adds for each grain [s]."""
+
+EXCHANGE_PER_STEP = 0.7e-3
 """What grains that come and go add to a step, on average [s]."""
 
 SECONDS_PER_FROZEN_STEP, SECONDS_PER_FROZEN_GRAIN = 0.5e-3, 0.5e-6
@@ -73,12 +77,16 @@ def sweeps_of_stage(scales: Scales, tolerance: float) -> float:
 
 
 def seconds_per_step(
-    grains: int, sweeps: float, stage: StagePlan, threads: int, *, comes_and_goes: bool = False
-) -> float:
+    grains: int, sweeps: float, stage: StagePlan, threads: int, *, comes_and_goes: bool = False,
+    has_outlines: bool = False,
+) -> float:  # fmt: skip
     """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
     if stage.is_frozen:
         return SECONDS_PER_FROZEN_STEP + grains * SECONDS_PER_FROZEN_GRAIN
-    work = grains * (CONTACTS_PER_GRAIN * sweeps * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
+    sweep, rest = CONTACTS_PER_GRAIN * SECONDS_PER_CONTACT, SECONDS_PER_GRAIN
+    if has_outlines:
+        sweep, rest = PER_CONTACT_OF_OUTLINES * sweep, rest + PER_GRAIN_OF_OUTLINES
+    work = grains * (sweeps * sweep + rest)
     fixed = SECONDS_PER_STEP + (EXCHANGE_PER_STEP if comes_and_goes else 0.0)
     if stage.heat is not None and stage.heat.is_on:
         fixed += HEAT_PER_STEP
@@ -194,8 +202,9 @@ def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> lis
         scales = scales_of_stage(scenario, model, number, stage)
         sweeps = 0.0 if stage.is_frozen else sweeps_of_stage(scales, stage.settings.tolerance_rms)
         seconds = seconds_per_step(
-            model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None
-        )
+            model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None,
+            has_outlines=model.outlines is not None,
+        )  # fmt: skip
         costs.append(_StepCost(stage.name, sweeps, seconds))
     return costs
 

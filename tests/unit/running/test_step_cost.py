@@ -11,6 +11,8 @@ from multicor_cli.running.estimate import (
     FEWEST,
     INERTIAL_NUMBER,
     MOST,
+    PER_CONTACT_OF_OUTLINES,
+    PER_GRAIN_OF_OUTLINES,
     SECONDS_PER_CONTACT,
     SECONDS_PER_GRAIN,
     SECONDS_PER_STEP,
@@ -56,6 +58,10 @@ def test_time_is_that_of_its_parts():
     frozen = replace(STAGE, heat=StageHeat(is_frozen=True))
     assert seconds_per_step(1000, 100.0, hot, 1) > seconds_per_step(1000, 100.0, STAGE, 1)
     assert seconds_per_step(1000, 0.0, frozen, 1) < seconds_per_step(1000, 10.0, STAGE, 1)
-    assert seconds_per_step(1000, 0.0, STAGE, 1, comes_and_goes=True) > seconds_per_step(
-        1000, 0.0, STAGE, 1
+    plain = seconds_per_step(1000, 0.0, STAGE, 1)
+    assert seconds_per_step(1000, 0.0, STAGE, 1, comes_and_goes=True) > plain
+    shaped = seconds_per_step(1000, 0.0, STAGE, 1, has_outlines=True)
+    assert shaped == pytest.approx(plain + 1000 * PER_GRAIN_OF_OUTLINES)
+    assert seconds_per_step(1000, 50.0, STAGE, 1, has_outlines=True) - shaped == pytest.approx(
+        PER_CONTACT_OF_OUTLINES * (seconds_per_step(1000, 50.0, STAGE, 1) - plain)
     )
