@@ -367,6 +367,9 @@ def carried_over(
         state.mean_force, state.mean_age = old.mean_force[kept], old.mean_age
         for new, before in same.items():
             state.wall_temperature[new] = old.wall_temperature[before]
+        if old.wall_ahead.size:
+            state.wall_ahead = np.zeros(model.wall_count)
+            state.wall_ahead[list(same)] = old.wall_ahead[list(same.values())]
         model = replace(model, thermal=thermal)
     return model, state
 

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from heat_parts import advanced, coupled_engine, heat_book, make_heat_laws, on_floor, warm_model
 from run_fakes import digests, in_pieces
+from scenarios import plane, rows_of, scenario
 from scene_parts import FLOOR, advance, begin
 from scenes import WARM, changed, write_small
 
 import multicor_cli as multicor
 from multicor_cli.engine.heat import integration
 from multicor_cli.engine.heat.walls import WallHeat
+from multicor_cli.packing import build
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.store import run_info
 
@@ -103,3 +105,45 @@ def test_refused_bodies(condition, words):
     with pytest.raises(ScenarioError, match=words):
         parse_scenario(changed(WARM, (SINE, condition)), "warm.toml")
     parse_scenario(changed(WARM, (SINE, "{ capacity = 1.0, initial = 20 }")), "warm.toml")
+
+
+def test_a_plate_that_a_grain_hits_is_not_cooled_and_its_debt_goes_on(run):
+    """A grain that rolls on a light plate is hit so that the plate's friction gains energy: the plate
+    keeps its temperature, and another run knows how far it is ahead.
+    """
+    a = 1e-3
+    reach = a * np.sqrt(2.0) + 1e-7
+    rock = {
+        "density": 2500.0, "young": 70e9, "poisson": 0.22, "conductivity": 1.0,
+        "heat_capacity": 800.0,
+    }  # fmt: skip
+    told = {
+        "materials": {"one": rock, "other": rock, "rock": rock},
+        "contacts": [
+            {"pair": ["*", "*"], "friction": 0.0}, {"pair": ["one", "rock"], "friction": 0.5},
+        ],
+        "walls": {"plate": {
+            "geometry": plane(), "material": "rock", "thermal": {"capacity": 1e-6, "initial": 300.0},
+        }},
+        "heat": {"temperature": 300.0, "conduction": "none", "impact": True},
+        "gravity": [0.0, 0.0], "dt": 1e-4, "frame_interval": 1e-4,
+    }  # fmt: skip
+    rolls = rows_of([[0.05, a, a, 0.5, 0.0]]) | {"name": "rolls", "material": "one"}
+    hits = rows_of([[0.05 + reach, a + reach, a, -0.6, -0.6]]) | {
+        "name": "hits",
+        "material": "other",
+    }
+    first = run(scenario(particles=[rolls, hits], duration=3e-4, **told))
+    ahead = first.series["heat_ahead"][-1]
+    assert ahead > 1e-9
+    assert [frame.wall_temperature[0] for frame in first.frames] == [300.0] * 4
+    assert first.info["summary"]["heat_closure"] < 1e-15
+    groups = [
+        {"name": name, "material": material, "shape": "disc", "packing": {"kind": "start"}}
+        for name, material in (("rolls", "one"), ("hits", "other"))
+    ]
+    told["walls"]["plate"]["thermal"] = {"capacity": 1e-6}
+    _, state = build(
+        scenario(particles=groups, start={"run": str(first.path)}, duration=1e-4, **told)
+    )
+    assert state.wall_ahead.tolist() == [pytest.approx(ahead, rel=1e-12)]
