@@ -14,7 +14,7 @@ from multicor_cli.engine.contact.system import OrderedSystem, tabulate_contacts
 from multicor_cli.engine.energy.account import book_worn, open_books, switch_wall_kinetic
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
-from multicor_cli.engine.heat.walls import WallHeat, begin_bodies
+from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
 from multicor_cli.engine.inflow.population import Population
 from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.mechanics import PHASES, Clock, Mechanics
@@ -109,6 +109,9 @@ class Engine:
             open_books(state, self.mechanics.layout.model, motion)
         if orders.conditions is not None and orders.is_new is not None and self._heat is not None:
             begin_bodies(orders.conditions, orders.is_new, state.wall_temperature)
+            if state.step == 0:  # the first frame knows what walls are told, not what they were
+                values = WallValues(orders.conditions, 0.0)
+                state.wall_temperature[:] = values.temperatures(0.0, state.wall_temperature)
 
     def resume(self, orders: Orders) -> None:
         """As `begin`, in the middle of a stage: the state knows what began, and is not touched.

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Discriminator,
     Field,
     Strict,
@@ -31,7 +32,16 @@ from multicor_cli.scenario.translate import translate
 MAX_CASES = 100_000
 """Most cases of a study."""
 
-Scalar = bool | int | float | str
+
+def _check_scalar(value: Any) -> Any:
+    if isinstance(value, bool | int | float | str):
+        return value
+    what = "is a table" if isinstance(value, dict) else "is an array"
+    remedy = 'give a number, true, false or a text; an entry of an array has a key: "domain.size.0"'
+    raise Refused((), what, remedy)
+
+
+Scalar = Annotated[bool | int | float | str, BeforeValidator(_check_scalar)]
 """A value of a key of a scenario that a study may give."""
 
 Key = Annotated[str, Field(min_length=1, max_length=200)]

@@ -79,7 +79,7 @@ class Layout:
             self.worn = model.worn_share(state.wear)
             self.model = model.with_radius(state.radius.copy(), self.worn)
             self.model.__dict__["mean_diameter"] = model.mean_diameter  # lengths that stay
-        self.mass = total(model.grains.mass)
+        self.mass = total(self.model.grains.mass)
         self.middle = np.empty((n, 3))
         self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
         self.marked = np.zeros(n, np.bool_)

@@ -151,3 +151,25 @@ def test_another_run_goes_on_with_what_is_left_of_worn_grains(expansion, moment,
         assert last.temperature == pytest.approx(whole.temperature, rel=1e-12)
         assert last.wear == pytest.approx(whole.wear, rel=1e-12)
     assert second.series["closure"][-1] < 1e-11
+
+
+def test_stops_change_nothing_where_grains_wear_off(tmp_path, run):
+    """What the solver's residuals are measured against goes by the mass that is left."""
+    ways = {"y": {"stress": -100.0, "damping": 0.1}, "x": {"velocity": 0.5}}
+    lid = {"from": [0.0, 0.02], "to": [0.01, 0.02], "side": "right"}
+    floor = {"from": [0.0, 0.0], "to": [0.01, 0.0], "side": "left"}
+    told = scenario(
+        size=[0.01, 0.02], periodic=["x"], gravity=[0.0, 0.0], grains={"count": 25},
+        materials={"glass": GLASS | {"hardness": 5e6}},
+        walls={
+            name: {"kind": "rough", "sizes": "grains"} | line
+            for name, line in (("floor", floor), ("lid", lid))
+        },
+        contacts=[{"pair": ["*", "*"], "friction": 0.5, "wear": 1.0}],
+        heat={"conduction": "none", "wear_shrinks": True}, dt=2e-4, frame_interval=0.05,
+        loading=[{"duration": 0.12, "drives": {"lid": ways}}],
+    )  # fmt: skip
+    whole = run(told)
+    left = (whole.frames[-1].radius ** 2).sum() / (whole.frames[0].radius ** 2).sum()
+    assert left < 0.99
+    assert in_pieces(told, tmp_path / "cut", *range(200, 600, 25)) == digests(whole.path)

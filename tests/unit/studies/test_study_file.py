@@ -157,6 +157,7 @@ BAD = [
     ("seeds = [1, 1]\n", 4, "twice"),
     ('[vary]\n"a.b" = []\n', 5, "at least 1"),
     ('[vary]\n"a.b" = { from = 1, to = 2 }\n', 5, 'vary."a.b".count: is missing'),
+    ('[vary]\n"a.b" = [[1, 2]]\n', 5, 'vary."a.b".0: is an array; give a number'),
     ("[vary]\na.b = { from = 1, to = 2 }\nc.d = { from = 1, to = 2 }\n", 6,
         "vary.c.d.count: is missing"),
     (SOBOL.replace("sobol", "dice") + '"a.b" = { from = 1, to = 2 }\n', 5, "sobol"),
@@ -179,6 +180,10 @@ def test_bad_files_are_refused_at_the_line(text, line, what, read):
     found = problems(lambda: read(text))
     assert any(what in problem for problem in found), found
     assert any(f"s.toml:{line}:" in problem for problem in found), found
+
+
+def test_a_value_that_is_an_array_is_refused_once(read):
+    assert len(problems(lambda: read('[vary]\n"a.b" = [[1, 2], 3]\n'))) == 1
 
 
 def test_every_case_is_looked_at(read):
