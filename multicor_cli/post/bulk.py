@@ -15,7 +15,7 @@ from multicor_cli.model.columns import Y
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.bins import Between, Extent, find_extent, heights, part_between
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.lattice import shear_rate_of
+from multicor_cli.post.lattice import sheared_between
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -161,8 +161,7 @@ class Bulk(NamedTuple):
         """
         frames, times = frames_of(source, chosen), np.asarray(source.frames.time)[chosen]
         if source.model.is_cell:
-            rate = np.array([shear_rate_of(frame) for frame in frames])
-            return np.asarray(0.5 * (rate[1:] + rate[:-1]) * np.diff(times))
+            return sheared_between(source, times)
         return np.array([self._strain(source, *pair) for pair in pairwise(frames)])
 
     def _strain(self, source: Run, first: Frame, second: Frame) -> float:

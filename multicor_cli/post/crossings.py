@@ -22,6 +22,8 @@ from multicor_cli.post.table import Column, TimeTable
 from multicor_cli.text import count_noun
 
 Line = tuple[tuple[float, float], tuple[float, float]]
+_ROUNDING = 1e-9  # of a line that is as wide as the period
+_FARTHEST = 1e9  # end of a line [m]: products of what is farther may overflow
 _UNITS = {"grains": "1/s", "mass": "kg/s", "area": "m2/s"}
 
 
@@ -68,12 +70,22 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
         selection: Which frames; default: the later half of the last stage.
 
     Raises:
-        PostError: If the line has no length, fewer than two frames are selected, or the run is
-            one of a cell.
+        PostError: If the line has no length or is wider than the period, fewer than two frames are
+            selected, or the run is one of a cell.
         StoreError: If the run cannot be read.
     """
     if line[0] == line[1]:
         raise PostError("the line has no length: its ends are the same point")
+    (x, y), (other_x, other_y) = line
+    farthest = max(abs(x), abs(y), abs(other_x), abs(other_y))
+    if not farthest <= _FARTHEST:
+        raise PostError(f"the line ends {farthest:g} m away: give ends [m] up to {_FARTHEST:g} m")
+    period = source.model.period
+    if period > 0.0 and abs(other_x - x) > period * (1.0 + _ROUNDING):
+        raise PostError(
+            f"the line is {abs(other_x - x):g} m wide, more than the period of {period:g} m, and "
+            "grains would cross it several times: choose a shorter one"
+        )
     remedy = "take the velocities along the line, with post fields --line"
     refuse_cell(
         source.model,

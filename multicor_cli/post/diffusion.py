@@ -13,7 +13,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, find_extent
 from multicor_cli.post.bulk import find_band, strain_and_spin
 from multicor_cli.post.flow import fit_flow
-from multicor_cli.post.lattice import shear_rate_of
+from multicor_cli.post.lattice import sheared_between
 from multicor_cli.post.mean_heat import intervals_to_forget
 from multicor_cli.post.source import (
     Frame,
@@ -137,13 +137,8 @@ class _Ways(NamedTuple):
 
 
 def _in_cell(source: Run, chosen: NDArray[np.int64], times: Floats) -> _Ways:
-    way, rates = [], []
-    for frame in frames_of(source, chosen):
-        way.append(np.asarray(frame.nonaffine, np.float64))
-        rates.append(shear_rate_of(frame))
-    strain = 0.5 * (np.array(rates[1:]) + np.array(rates[:-1])) * np.diff(times)
-    ways = np.array(way) - way[0]
-    return _Ways(ways, np.ones(ways.shape[:2], np.bool_), strain)
+    way = np.array([np.asarray(f.nonaffine, np.float64) for f in frames_of(source, chosen)])
+    return _Ways(way - way[0], np.ones(way.shape[:2], np.bool_), sheared_between(source, times))
 
 
 @dataclass(frozen=True)

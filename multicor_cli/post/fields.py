@@ -32,6 +32,9 @@ Center = tuple[float, float]
 _LEAST_REACH = 0.01
 """Least reach of the kernel in mean diameters: what reaches no farther meets hardly a grain."""
 
+_MOST_REACH = 1e4
+"""Largest: more than any run is wide."""
+
 _MEMORY = 256_000_000  # bytes that the densities of blocks of frames may take
 _FEWEST_AND_MOST = (8, 64)  # such blocks
 _AT_ONCE = 4096  # points whose errors are made together
@@ -167,10 +170,10 @@ def fields(
 
 
 def _refuse_sizes(spacing: float, reach: float, diameter: float, span: float) -> None:
-    if not (0.0 < spacing < np.inf and _LEAST_REACH <= reach < np.inf):
+    if not (0.0 < spacing < np.inf and _LEAST_REACH <= reach <= _MOST_REACH):
         what = (
             "spacing and reach are numbers of mean diameters, spacing above 0 and reach from "
-            f"{_LEAST_REACH:g} on"
+            f"{_LEAST_REACH:g} to {_MOST_REACH:g}"
         )
         raise PostError(f"{what}; they are {spacing:g} and {reach:g}")
     if reach * diameter > span:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.columns import X, Y
+from multicor_cli.model.columns import XY, X, Y
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.bins import Bins, Extent, heights, make_bins
 from multicor_cli.post.lattice import (
@@ -143,7 +143,7 @@ _FEWEST = 3  # neighbors: a gradient of displacements can always be found that t
 _FLAT = 1e-9  # least ratio of the moments of a neighborhood that is no straight line
 
 
-def d2min(model: Model, before: Frame, after: Frame) -> Floats:
+def d2min(model: Model, before: Frame, after: Frame, leant: float | None = None) -> Floats:
     """D²_min of each grain between two frames, per neighbor [m²], shape ``(n,)``.
 
     The least mean square of what the displacements of the neighbors relative to the grain, Δ, have
@@ -156,6 +156,7 @@ def d2min(model: Model, before: Frame, after: Frame) -> Floats:
         model: The model of the grains.
         before: The earlier frame.
         after: The later one.
+        leant: The stretch xy of a cell between them, about; default: by the rates of both frames.
 
     Raises:
         PostError: If grains have come or gone.
@@ -163,7 +164,11 @@ def d2min(model: Model, before: Frame, after: Frame) -> Floats:
     need_same_grains(before, after)
     lattice = lattice_of(model, before).reduced
     points = lattice.wrapped(np.asarray(before.position, np.float64)[:, :2])
-    moved = (_moved_in_cell if model.is_cell else _moved)(model, before, after, points)
+    moved = (
+        _moved_in_cell(model, before, after, points, leant)
+        if model.is_cell
+        else _moved(before, after)
+    )
     n, places = len(points), (len(points), 3)
     r_r, r_moved, squares = np.zeros(places), np.zeros((n, 2, 2)), np.zeros(n)
     number = np.zeros(n)
@@ -202,20 +207,22 @@ Moved = Callable[[Any, Any], Floats]
 """Displacements of j relative to i, but for what is affine [m], shape ``(k, 2)``."""
 
 
-def _moved(_model: Model, before: Frame, after: Frame, _points: Floats) -> Moved:
+def _moved(before: Frame, after: Frame) -> Moved:
     way = (np.asarray(f.unwrapped, np.float64)[:, :2] for f in (after, before))
     moved = next(way) - next(way)
     return lambda i, j: np.asarray(moved[j] - moved[i])
 
 
-def _moved_in_cell(model: Model, before: Frame, after: Frame, points: Floats) -> Moved:
+def _moved_in_cell(
+    model: Model, before: Frame, after: Frame, points: Floats, leant: float | None
+) -> Moved:
     """Beside the motion of the cell, which is affine and which its images follow.
 
     Nobody counts how often grains cross its sides: of all images the nearest is taken.
     """
     first, second = lattice_of(model, before), lattice_of(model, after)
     end = np.asarray(after.position, np.float64)[:, :2]
-    beside = end - points @ deformation(first, second, before, after).T
+    beside = end - points @ deformation(first, second, before, after, leant).T
 
     def moved(i: Any, j: Any) -> Floats:
         other = beside[j] - beside[i]
@@ -227,14 +234,18 @@ def _moved_in_cell(model: Model, before: Frame, after: Frame, points: Floats) ->
     return moved
 
 
-def deformation(first: Lattice, second: Lattice, before: Frame, after: Frame) -> Floats:
+def deformation(
+    first: Lattice, second: Lattice, before: Frame, after: Frame, leant: float | None = None
+) -> Floats:
     """The tensor that takes a cell from one frame to the next, shape ``(2, 2)``.
 
-    The tilt is known but for a multiple of the width: that is taken which the shear rates of both
-    frames come nearest to.
+    The tilt is known but for a multiple of the width: that is taken which ``leant``, as of `d2min`,
+    comes nearest to.
     """
     xx, yy = second.width / first.width, second.height / first.height
-    rate = 0.5 * float(gradient_of(before)[2] + gradient_of(after)[2])
-    tilt = xx * first.tilt + rate * float(after.time - before.time) * second.height
+    if leant is None:
+        rate = 0.5 * float(gradient_of(before)[XY] + gradient_of(after)[XY])
+        leant = rate * float(after.time - before.time) * yy
+    tilt = xx * first.tilt + leant * first.height
     nearest = second.tilt + second.width * round((tilt - second.tilt) / second.width)
     return np.array([[xx, (nearest - xx * first.tilt) / first.height], [0.0, yy]])

@@ -103,6 +103,8 @@ def hot_spots(
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
     chosen = with_forces(source, chosen)
+    if limit is not None and np.isnan(limit):
+        raise PostError("the limit is no number; give a temperature [K]")
     limits = np.concatenate([properties(source, key) for key in ("ignition", "melting")])
     if limit is None and np.isfinite(limits).any():
         limit = float(np.nanmin(limits))

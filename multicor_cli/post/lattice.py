@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import cell
-from multicor_cli.model.columns import X, Y
+from multicor_cli.model.cell import over_windows
+from multicor_cli.model.columns import XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.post.source import Frame
+from multicor_cli.post.source import Frame, Run
 
 Complexes = NDArray[np.complex128]
 """Points of the plane, or ways in it, as x + iy."""
@@ -138,10 +139,66 @@ def gradient_of(frame: Frame) -> Floats:
     return np.asarray(frame.wall_velocity[0], np.float64)
 
 
-def shear_rate_of(frame: Frame) -> float:
-    """√((ε_xx − ε_yy)² + (2ε_xy)²) of the mean flow of the frame of a cell [1/s]."""
-    xx, yy, xy = gradient_of(frame)
-    return float(np.hypot(xx - yy, xy))
+class Strains(NamedTuple):
+    """What a cell has been strained by since the first row of its time series.
+
+    Attributes:
+        time: Times of the ``s`` rows [s].
+        strain: ∫L dt of xx, yy and xy, shape ``(s, 3)``.
+        stretch: The tensor that takes the cell there from the first row: xx, yy and xy, likewise.
+    """
+
+    time: Floats
+    strain: Floats
+    stretch: Floats
+
+    def at(self, times: Floats) -> tuple[Floats, Floats]:
+        """Strain and stretch at other times, straight between rows."""
+        columns = (*self.strain.T, *self.stretch.T)
+        found = np.column_stack([np.interp(times, self.time, column) for column in columns])
+        return found[:, :3], found[:, 3:]
+
+
+def strains_of(source: Run) -> Strains:
+    """How the cell of a run is strained, from its sides: nothing moves in frozen stages.
+
+    The tilt is known but for a multiple of the width: that is taken which the rates of shear at the
+    ends of each window come nearest to. In a window L is taken for constant, so that ∫L_xy dt is
+    (tilt − tilt before · w)/(height before · l), with the ratio w of the widths and the logarithmic
+    mean l of this and the ratio of the heights.
+    """
+    series = source.series
+    sides, rates = (np.asarray(series[f"wall_{of}"])[:, 0] for of in ("position", "velocity"))
+    sheared = over_windows(rates)[1:, XY] * np.asarray(series["window_duration"])[1:]
+    before, after = sides[:-1], sides[1:]
+    wide, high = after[:, XX] / before[:, XX], after[:, YY] / before[:, YY]
+    xx, yy = np.log(wide), np.log(high)
+    is_alike = np.abs(yy - xx) < 1e-6
+    mean = np.where(
+        is_alike, np.sqrt(wide * high), (high - wide) / np.where(is_alike, 1.0, yy - xx)
+    )
+    reach = before[:, YY] * mean
+    tilt = wide * before[:, XY] + sheared * reach
+    tilt = after[:, XY] + after[:, XX] * np.round((tilt - after[:, XY]) / after[:, XX])
+    leant = tilt - wide * before[:, XY]
+    strain = np.vstack([np.zeros(3), np.cumsum(np.column_stack([xx, yy, leant / reach]), axis=0)])
+    a, b = np.exp(strain[:, XX]), np.exp(strain[:, YY])
+    c = a * np.concatenate([[0.0], np.cumsum(leant / before[:, YY] * b[:-1] / a[1:])])
+    return Strains(np.asarray(series["time"]), strain, np.column_stack([a, b, c]))
+
+
+def sheared_between(source: Run, times: Floats) -> Floats:
+    """√((ε_xx − ε_yy)² + (2ε_xy)²) of a cell from each time to the next, shape ``(f − 1,)``."""
+    xx, yy, xy = np.diff(strains_of(source).at(times)[0], axis=0).T
+    return np.asarray(np.hypot(xx - yy, xy))
+
+
+def leant_between(source: Run, first: Frame, second: Frame) -> float | None:
+    """The stretch xy of a cell from one frame to another, about; None where there is no cell."""
+    if not source.model.is_cell:
+        return None
+    before, after = strains_of(source).at(np.array([first.time, second.time]))[1]
+    return float((after[XY] - after[XX] / before[XX] * before[XY]) / before[YY])
 
 
 def relative_velocity(frame: Frame) -> Floats:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.books import GRADIENT_BOOKS
 from multicor_cli.model.cell import over_windows
-from multicor_cli.model.columns import XX, XY, YY
+from multicor_cli.model.columns import XX, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.post.conductivity import thickness_of
+from multicor_cli.post.lattice import strains_of
 from multicor_cli.post.source import (
     PostError,
     Run,
@@ -146,13 +147,12 @@ def intervals_to_forget(strain: Floats) -> int:
 def _of_series(source: Run, times: Floats) -> Floats:
     """The sums `_SUMS` that the time series knows, in each interval, shape ``(r, …)``."""
     series = source.series
-    time, moving = np.asarray(series["time"]), np.asarray(series["window_duration"])
-    duration = np.diff(time, prepend=0.0)
-    sides, rate = (np.asarray(series[f"wall_{of}"])[:, 0] for of in ("position", "velocity"))
-    area, rates = over_windows(sides[:, XX] * sides[:, YY]), over_windows(rate)
+    time = np.asarray(series["time"])
+    duration, sides = np.diff(time, prepend=0.0), np.asarray(series["wall_position"])[:, 0]
+    area = over_windows(sides[:, XX] * sides[:, YY])
     books = np.column_stack([np.asarray(series[str(entry.series)]) for entry in GRADIENT_BOOKS])
     gained = np.diff(books, axis=0, prepend=np.zeros((1, books.shape[1])))
-    strain = rates[:, [XX, YY, XY]] * moving[:, np.newaxis]  # not while they stand still
+    strain = np.diff(strains_of(source).strain, axis=0, prepend=0.0)
     rows = np.column_stack([duration, duration * area, strain, gained])
     return sums_between(time, times, rows)
 

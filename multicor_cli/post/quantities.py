@@ -19,7 +19,7 @@ from multicor_cli.post.contacts import (
     with_forces,
 )
 from multicor_cli.post.flow import d2min, fluctuations
-from multicor_cli.post.lattice import Complexes
+from multicor_cli.post.lattice import Complexes, leant_between
 from multicor_cli.post.orientation import axes_of, degrees_of, need_axes
 from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
 from multicor_cli.post.sums import OfMeans
@@ -220,7 +220,8 @@ def _of_cells(values: Callable[[Cells, Model], Any]) -> dict[str, Any]:
 
 
 def _since_before(frame: Any, model: Model) -> Floats:  # a FrameSince
-    return d2min(model, frame.before, frame.frame)
+    leant = leant_between(frame.run, frame.before, frame.frame)
+    return d2min(model, frame.before, frame.frame, leant)
 
 
 def _d2min(source: Run, frame: int) -> Floats:
@@ -228,8 +229,8 @@ def _d2min(source: Run, frame: int) -> Floats:
         raise PostError(
             "the map of d2min shows what has moved since the frame before; frame 0 has none"
         )
-    there = source.frames[frame]
-    return d2min(model_of(source, there), source.frames[frame - 1], there)
+    there, before = source.frames[frame], source.frames[frame - 1]
+    return d2min(model_of(source, there), before, there, leant_between(source, before, there))
 
 
 def _directions(source: Run, frame: int) -> Floats:

@@ -28,7 +28,7 @@ from multicor_cli.post.bulk import (
 from multicor_cli.post.contacts import has_forces
 from multicor_cli.post.cuts import cut_of
 from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
-from multicor_cli.post.lattice import lattice_of, relative_velocity
+from multicor_cli.post.lattice import lattice_of, relative_velocity, strains_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -347,12 +347,13 @@ def _of_series(source: Run, times: Floats) -> Floats:
     """Sums `_OF_SERIES` over the windows that end in each interval, shape ``(r, …)``."""
     series = source.series
     duration = np.asarray(series["window_duration"])
-    sides, rate = (np.asarray(series[f"wall_{of}"])[:, 0] for of in ("position", "velocity"))
+    sides = np.asarray(series["wall_position"])[:, 0]
     virial = np.asarray(series["virial_rate"])
     contact = (virial[:, 0, 0], virial[:, 1, 1], virial[:, 0, 1])
-    area, rates = cell.over_windows(sides[:, XX] * sides[:, YY]), cell.over_windows(rate)
+    area = cell.over_windows(sides[:, XX] * sides[:, YY])
     columns = [np.ones(len(area)), area, *np.asarray(series["wall_force"])[:, 0].T, *contact]
-    rows = duration[:, np.newaxis] * np.column_stack([*columns, *rates.T])
+    strain = np.diff(strains_of(source).strain, axis=0, prepend=0.0)
+    rows = np.column_stack([duration[:, np.newaxis] * np.column_stack(columns), strain])
     return sums_between(np.asarray(series["time"]), times, rows)
 
 
@@ -394,6 +395,6 @@ def _derive_cell(height: float, sign: float, sums: Floats) -> dict[str, Floats]:
         "normal_difference": 2.0 * half / pressure,
         "solid_fraction": s["cover"] / s["lapse"] * s["window"] / s["area"],
         **derive_contacts(s),
-        "spin_over_flow": -2.0 * (s["turn"] / s["lapse"]) / rate,
+        "spin_over_flow": -2.0 * s["turn"] / s["strain_xy"],
         "granular_temperature": s["kinetic"] / s["weight"],
     }

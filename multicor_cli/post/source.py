@@ -109,8 +109,9 @@ def frame_index(frames: Frames, frame: int) -> int:
 
 @dataclass(frozen=True)
 class FrameSince:
-    """A frame with one before it, for what happens between both."""
+    """A frame of a run with one before it, for what happens between both."""
 
+    run: Run
     frame: Frame
     before: Frame
 
@@ -120,6 +121,7 @@ class FrameSince:
 
 @dataclass(frozen=True)
 class _FramesSince:
+    run: Run
     frames: Frames
     before: dict[int, int]
 
@@ -127,7 +129,7 @@ class _FramesSince:
         return getattr(self.frames, name)
 
     def __getitem__(self, index: int) -> Any:
-        return FrameSince(self.frames[index], self.frames[self.before[index]])
+        return FrameSince(self.run, self.frames[index], self.frames[self.before[index]])
 
 
 def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDArray[np.int64]]:
@@ -141,7 +143,7 @@ def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDA
             "with --from or --frames"
         )
     before = dict(zip(chosen[1:].tolist(), chosen.tolist(), strict=False))
-    frames = _FramesSince(source.frames, before)
+    frames = _FramesSince(source, source.frames, before)
     return cast("Run", SimpleNamespace(model=source.model, frames=frames)), chosen[1:]
 
 

@@ -96,8 +96,10 @@ def theta_eta(
         thermal = model_of(source, first).thermal
         weights = None if thermal is None else thermal.capacity
         start = float(np.average(need_heat(first.temperature), weights=weights))
-    if height is not None and not height > 0.0:
-        raise PostError(f"the height {height:g} m must be positive")
+    if height is not None and not 0.0 < height < np.inf:
+        raise PostError(f"the height {height:g} m must be positive and finite")
+    if not np.isfinite(start):
+        raise PostError(f"the reference temperature {start:g} K must be finite")
     single = [_of_frame(source, each, wall, start) for each in frames_of(source, chosen)]
     number, hot, reach = single[-1].wall, single[-1].hot, single[-1].reach
     full = reach if height is None else height

@@ -110,8 +110,8 @@ def wall_heat(
     if source.model.thermal is None:
         need_heat(None)
     for name, value in (("distance", near), ("length", length)):
-        if value is not None and not value > 0.0:
-            raise PostError(f"the {name} {value:g} must be positive")
+        if value is not None and not 0.0 < value < np.inf:
+            raise PostError(f"the {name} {value:g} must be positive and finite")
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
     if chosen.size < 2:
