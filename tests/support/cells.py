@@ -131,3 +131,19 @@ def square_of_discs(conductances, *, heat=True, thickness=THICKNESS, **said):
         frame.wall_position = np.array([[2.0, 2.0, 0.0]])
         frames.append(frame)
     return source_of(model, frames, **{"scenario_resolved": "", **said})
+
+
+def strained(sides, gradient, times):
+    """The time series of a cell that begins with these sides and is strained at a constant gradient
+    (xx, yy, xy), as far as tables look at it; the tilt goes around.
+    """
+    (width, height, tilt), (xx, yy, xy), times = sides, gradient, np.asarray(times, float)
+    wide, high = np.exp(xx * times), np.exp(yy * times)
+    mean = times * wide if xx == yy else (high - wide) / (yy - xx)
+    tilts = wide * tilt + xy * height * mean
+    tilts -= width * wide * np.round(tilts / (width * wide))
+    return {
+        "time": times, "window_duration": np.diff(times, prepend=times[0]),
+        "wall_position": np.column_stack([width * wide, height * high, tilts])[:, np.newaxis],
+        "wall_velocity": np.tile(np.asarray(gradient, float), (times.size, 1, 1)),
+    }  # fmt: skip

@@ -4,10 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cells import make_cell
+from cells import make_cell, strained
 from made_up_frames import contacts_of, frame_of, source_of
 
 from multicor_cli import post
+from multicor_cli.model.cell import over_windows
 from multicor_cli.model.shapes import Rectangle
 from multicor_cli.post.bulk import CONTACT_SUMS
 from multicor_cli.post.crossings import flow_through
@@ -71,14 +72,15 @@ def three():
     contact = sum(np.outer(f, n) for f, n in zip(vector, normal, strict=True))
     kinetic = sum(m * np.outer(c, c) for m, c in zip(model.grains.mass, slip, strict=True))
     whole = contact + kinetic
-    series = {
-        "time": np.arange(5) * 0.5, "window_duration": np.full(5, 0.5),
-        "wall_position": np.tile(SIDES, (5, 1, 1)), "wall_velocity": np.tile(GRADIENT, (5, 1, 1)),
-        "virial_rate": np.tile(contact, (5, 1, 1)),
-        "wall_force": np.tile([whole[0, 0], whole[1, 1], whole[0, 1]], (5, 1, 1)),
-    }  # fmt: skip
+    series = strained(SIDES, GRADIENT, np.arange(5) * 0.5)
+    area = over_windows(series["wall_position"][:, 0, :2].prod(axis=1))
+    larger = (area / (WIDTH * HEIGHT))[:, np.newaxis, np.newaxis]
+    forces = np.array([whole[0, 0], whole[1, 1], whole[0, 1]])
+    series |= {"virial_rate": larger * contact, "wall_force": larger * forces}
     source = source_of(model, frames, series=series)
-    return SimpleNamespace(source=source, contact=contact, kinetic=kinetic)
+    return SimpleNamespace(
+        source=source, contact=contact, kinetic=kinetic, area=float(area[1:].mean())
+    )
 
 
 def test_rheology_of_three_grains(three):
@@ -100,7 +102,7 @@ def test_rheology_of_three_grains(three):
     assert mean["shear_rate"] == pytest.approx(0.7)
     assert mean["dilation_rate"] == pytest.approx(-0.1)
     assert mean["inertial_number"] == pytest.approx(0.7 * np.sqrt(1.0 / pressure))
-    assert mean["solid_fraction"] == pytest.approx(0.75 * np.pi / area)
+    assert mean["solid_fraction"] == pytest.approx(0.75 * np.pi / three.area)
     assert mean["coordination"] == pytest.approx(2.0)
     assert mean["fabric_anisotropy"] == pytest.approx(0.0, abs=1e-12)
     assert mean["spin_over_flow"] == pytest.approx(0.1 / 0.7)
@@ -120,7 +122,7 @@ def test_rheology_is_of_grains_as_large_and_heavy_as_they_are(three):
     mean = post.rheology(source_of(model, frames, series=three.source.series), ALL).mean
     cover, mass, root = 0.75 * np.pi * 1.21, 0.9 * model.grains.mass, np.sqrt(mean["pressure"])
     assert mean["pressure"] == post.rheology(three.source, ALL).mean["pressure"]
-    assert mean["solid_fraction"] == pytest.approx(cover / (WIDTH * HEIGHT))
+    assert mean["solid_fraction"] == pytest.approx(cover / three.area)
     assert mean["inertial_number"] == pytest.approx(0.7 * np.sqrt(mass.mean()) / root)
     assert mean["inertial_number_density"] == pytest.approx(
         0.7 * 1.1 * np.sqrt(mass.sum() / cover) / root
@@ -152,11 +154,8 @@ def test_deviation_of_a_flow_that_slips_in_a_plane_is_1():
     model, _ = make_cell(position, np.full(300, 0.05), (5.0, 3.5))
     slip = np.column_stack([-0.7 * (y - 0.5 * HEIGHT), np.zeros(300)])
     frames = [cell_frame(position, slip) for _ in range(3)]
-    series = {
-        "time": np.arange(3.0), "window_duration": np.ones(3),
-        "wall_position": np.tile(SIDES, (3, 1, 1)), "wall_velocity": np.tile(GRADIENT, (3, 1, 1)),
-        "virial_rate": np.zeros((3, 2, 2)), "wall_force": np.zeros((3, 1, 3)),
-    }  # fmt: skip
+    series = strained(SIDES, GRADIENT, np.arange(3.0))
+    series |= {"virial_rate": np.zeros((3, 2, 2)), "wall_force": np.zeros((3, 1, 3))}
     found = post.rheology(source_of(model, frames, series=series), ALL)
     assert found.mean["flow_deviation"] == pytest.approx(1.0, rel=0.06)
     assert np.isnan(found.mean["coordination"])

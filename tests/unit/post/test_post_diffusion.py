@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cells import make_cell
+from cells import make_cell, strained
 from made_up_frames import frame_of, source_of
 from scene_parts import between_planes
 
@@ -31,7 +31,8 @@ def cell_of(spread, *, rate=RATE, count=4000):
         frame_of(np.zeros((count, 3)), walls=1, nonaffine=way, wall_velocity=gradient)
         for way in ways(count, spread)
     ]
-    return source_of(model, frames, LAPSE * np.arange(FRAMES))
+    times = LAPSE * np.arange(FRAMES)
+    return source_of(model, frames, times, series=strained((8.0, 5.0, 0.0), gradient[0], times))
 
 
 def layer_of(spread, *, rate=RATE, count=4000):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cells import make_cell
+from cells import make_cell, strained
 from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
 
@@ -120,9 +120,8 @@ def test_images_of_a_pair_are_one_contact():
         frame_with(pairs, grains=2, wall_position=state.wall_position)
         for pairs in ([(0, 1), (0, 1)], [(0, 1)])
     ]
-    for frame, rate in zip(frames, (0.1, 0.3), strict=True):
-        frame.wall_velocity = np.array([[0.0, 0.0, rate]])
-    table = post.lifetimes(source_of(model, frames), ALL)
+    series = strained((2.0, 1.0, 0.0), (0.0, 0.0, 0.2), [0.0, 1.0])
+    table = post.lifetimes(source_of(model, frames, series=series), ALL)
     assert (table.contacts, table.contacts_per_frame) == ([1.0], 1.0)
     assert (table.strain[0], table.shear_rate) == pytest.approx((0.2, 0.2))
 

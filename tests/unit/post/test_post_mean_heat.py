@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cells import THICKNESS, make_cell, square_of_discs
+from cells import THICKNESS, make_cell, square_of_discs, strained
 from heat_parts import with_heat
 from made_up_frames import frame_of, source_of
 
@@ -40,15 +40,11 @@ def run_of(count=4000, frames=12, *, rate=RATE, gradient=G, thickness=THICKNESS,
         frame_of(way[0], walls=1, nonaffine=w, temperature=t)
         for w, t in zip(way, warm, strict=True)
     ]
-    time = np.arange(0.5, frames, 0.5)
+    time = np.arange(0.0, frames, 0.5)
     flux = np.array([value for k in (0, 1) for value in (FLUX[way][k] for way in FLUX)])
     books = np.outer(time, [7.0, *flux])
     series = {entry.series: books[:, k] for k, entry in enumerate(GRADIENT_BOOKS)}
-    series |= {
-        "time": time, "window_duration": np.full(time.size, 0.0 if frozen else 0.5),
-        "wall_position": np.tile([[WIDTH, HEIGHT, 0.0]], (time.size, 1, 1)),
-        "wall_velocity": np.tile([[0.0, 0.0, rate]], (time.size, 1, 1)),
-    }  # fmt: skip
+    series |= strained((WIDTH, HEIGHT, 0.0), (0.0, 0.0, 0.0 if frozen else rate), time)
     run = source_of(model, moments, np.arange(float(frames)), series=series)
     return SimpleNamespace(run=run, warm=warm)
 

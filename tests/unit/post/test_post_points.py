@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cells import strained
 from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import FLOOR
 from shaped_frames import box, disc, points_of, regular, rod, shaped_frame, shaped_model
@@ -175,7 +176,8 @@ def disc_source(random, *, are_shapes, heat=True):
     frame.wall_position = np.array([[size, size, 1.5]])
     frame.step = 1
     text = {"scenario_resolved": "[heat]\n", "path": "."}
-    return source_of(model, [frame, frame], [0.0, 1.0], **text)
+    series = strained((size, size, 1.5), (0.0, 0.0, 0.1), [0.0, 1.0])
+    return source_of(model, [frame, frame], [0.0, 1.0], series=series, **text)
 
 
 TABLES = {
