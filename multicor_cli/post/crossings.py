@@ -76,14 +76,13 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
     """
     if line[0] == line[1]:
         raise PostError("the line has no length: its ends are the same point")
-    (x, y), (other_x, other_y) = line
-    farthest = max(abs(x), abs(y), abs(other_x), abs(other_y))
-    if not farthest <= _FARTHEST:
-        raise PostError(f"the line ends {farthest:g} m away: give ends [m] up to {_FARTHEST:g} m")
-    period = source.model.period
-    if period > 0.0 and abs(other_x - x) > period * (1.0 + _ROUNDING):
+    for place in (*line[0], *line[1]):
+        if not abs(place) <= _FARTHEST:
+            raise PostError(f"the line ends at {place:g} m: give ends up to {_FARTHEST:g} m away")
+    width, period = abs(line[1][0] - line[0][0]), source.model.period
+    if 0.0 < period * (1.0 + _ROUNDING) < width:
         raise PostError(
-            f"the line is {abs(other_x - x):g} m wide, more than the period of {period:g} m, and "
+            f"the line is {width:g} m wide, more than the period of {period:g} m, and "
             "grains would cross it several times: choose a shorter one"
         )
     remedy = "take the velocities along the line, with post fields --line"

@@ -205,6 +205,7 @@ def test_what_cannot_be_is_refused():
         ({"of": ["wetness"]}, "no field 'wetness'"),
         ({"spacing": 0.0}, "above 0"),
         ({"reach": np.inf}, "above 0"),
+        ({"reach": 1e300}, "to 10000"),
         ({"of": ["pressure"]}, "no field 'pressure' here"),
         ({"reach": 30.0}, "beyond the period"),
         ({"is_radial": True}, "rings need a center"),

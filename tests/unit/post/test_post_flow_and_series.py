@@ -53,6 +53,9 @@ def test_grains_that_cross_are_counted_with_their_mass():
         flow_through(source, ((0.0, 0.5), (3.0, 0.5)), Selection(frames=slice(0, 1)))
     with pytest.raises(PostError, match="no length"):
         flow_through(source, ((0.0, 0.5), (0.0, 0.5)), ALL)
+    for far in (1e300, np.inf, np.nan):
+        with pytest.raises(PostError, match="give ends"):
+            flow_through(source, ((0.0, 0.5), (far, 0.5)), ALL)
 
 
 def test_every_passage_through_a_periodic_cell_counts():
@@ -64,6 +67,9 @@ def test_every_passage_through_a_periodic_cell_counts():
     assert table.crossed["grains"].tolist() == expected.sum(axis=1).tolist()
     alone = flow_through(falling(x, 0.5, period=0.0), ((1.0, 1.0), (1.0, 0.0)), ALL)
     assert alone.crossed["grains"].tolist() == [1, 0, 0]
+    flow_through(falling(x, 0.5), ((4.0, 0.5), (0.0, 0.5)), ALL)  # as wide as the period
+    with pytest.raises(PostError, match="5 m wide, more than the period of 4 m"):
+        flow_through(falling(x, 0.5), ((5.0, 0.5), (0.0, 0.5)), ALL)
 
 
 def test_grains_that_come_and_go_count_while_they_are_there():

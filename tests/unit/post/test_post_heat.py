@@ -105,6 +105,8 @@ def test_wall_is_found_if_it_is_the_only_one(tmp_path, column):
     ({"wall": "lid"}, "no wall 'lid'; choose from: bottom, top"),
     ({"frame": 5}, "no frame 5: the run has 5, from 0 to 4"),
     ({"wall": "top", "height": 0.0}, "must be positive"),
+    ({"wall": "top", "height": np.inf}, "must be positive and finite"),
+    ({"wall": "top", "reference": np.nan}, "must be finite"),
     ({"wall": "top", "bins": 0}, "bins"),
 ])  # fmt: skip
 def test_theta_eta_refuses_what_makes_no_sense(column, said, message):

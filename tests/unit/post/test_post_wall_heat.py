@@ -107,6 +107,7 @@ def test_wrong_runs_are_refused():
     for options, message in (
         ({"near": 0.0}, "the distance 0 must be positive"),
         ({"length": -1.0}, "the length -1 must be positive"),
+        ({"length": np.inf}, "the length inf must be positive and finite"),
         ({"walls": ["roof"]}, "there is no wall 'roof'"),
         ({"selection": Selection(frames=slice(0, 1))}, "needs two frames"),
     ):
