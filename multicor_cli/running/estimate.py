@@ -54,7 +54,7 @@ SECONDS_PER_GRAIN = 0.25e-6
 SECONDS_PER_STEP = 0.3e-3
 """What a step costs however few grains there are [s]."""
 
-HEAT_PER_STEP, HEAT_PER_GRAIN = 0.2e-3, 0.1e-6
+HEAT_PER_STEP, HEAT_PER_GRAIN = 0.3e-3, 0.1e-6
 """What heat adds to a step, and to that for each grain [s]."""
 
 PER_CONTACT_OF_OUTLINES, PER_GRAIN_OF_OUTLINES = 2.5, 4e-6
