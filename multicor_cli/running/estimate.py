@@ -26,8 +26,8 @@ from multicor_cli.store.segments import model_dims
 
 # ---- What a step will cost, from what the stage is about to do: sweeps of the solver, and time.
 #
-# Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.46 to
-# 1.4 times what whole runs take, for the steps that they do. Most of the rest is the number of
+# Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.5 to
+# 1.5 times what whole runs take, for the steps that they do. Most of the rest is the number of
 # sweeps.
 
 CONTACTS_PER_GRAIN = 1.3
