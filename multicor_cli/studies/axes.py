@@ -10,13 +10,13 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from multicor_cli.files import read_regular
 from multicor_cli.optional import library
 from multicor_cli.scenario.base import MAX_BYTES
-from multicor_cli.scenario.problems import Refused, ScenarioError
+from multicor_cli.scenario.problems import Problem, Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario, load_scenario
 from multicor_cli.studies.study_file import (
     MAX_CASES,
@@ -226,16 +226,28 @@ def check_case(study: Study, case: Case) -> Scenario:
         return load_scenario(study.scenario, [*study.fixed, *case.overrides])
     except ScenarioError as error:
         problems = error.problems
-    findings, others = [], []
+    findings, others = [], list[Problem]()
+    alone = {(problem.key, problem.message) for problem in _problems_without_case(study)}
     for problem in problems:
+        of_case = f"{problem.message} (case {case.name})"
         keys = (key for key in case.values if f"{problem.key}.".startswith(f"{key}."))
         key = next(keys, SEED)
-        if key == SEED:
+        if key != SEED:
+            findings.append(Refused(("vary", "keys", key), of_case, problem.remedy))
+        elif (problem.key, problem.message) in alone:
             others.append(problem)
         else:
-            message = f"{problem.message} (case {case.name})"
-            findings.append(Refused(("vary", "keys", key), message, problem.remedy))
+            others.append(replace(problem, message=of_case))
     raise ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])
+
+
+def _problems_without_case(study: Study) -> Sequence[Problem]:
+    """What is wrong with the scenario before anything is varied."""
+    try:
+        load_scenario(study.scenario, study.fixed)
+    except ScenarioError as error:
+        return error.problems
+    return ()
 
 
 def _named(rows: Sequence[Values]) -> list[Case]:

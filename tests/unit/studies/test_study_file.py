@@ -195,6 +195,14 @@ def test_every_case_is_looked_at(read):
     assert any("s.toml:5:" in problem and "must be at least 0" in problem for problem in found)
 
 
+def test_what_a_case_breaks_elsewhere_names_the_case(read):
+    """The key that is wrong with it is another than the one that is varied."""
+    study = read('[vary]\n"solver.dt" = [1e-4, 1.0]\n')
+    found = problems(lambda: check_cases(study, expand(study)))
+    assert found
+    assert all("(case dt=1)" in problem for problem in found), found
+
+
 def test_observables_that_no_run_has(read):
     text = (
         '[[observe]]\nname = "a"\npost = "rheology"\nvalue = "frction_walls"\n[[observe]]\n'
