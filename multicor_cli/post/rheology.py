@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import cell
-from multicor_cli.model.columns import XX, YY, X
+from multicor_cli.model.columns import XX, XY, YY, X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Bins, Extent, find_extent, heights, make_bins
 from multicor_cli.post.bulk import (
@@ -280,7 +280,7 @@ _OF_SERIES = (
     "window", "area", *(f"{of}_{k}" for of in ("stress", "contact", "strain") for k in _AXES),
 )  # fmt: skip
 _OF_FRAMES = (
-    "lapse", "cover", "turn", "kinetic", "weight", *CONTACT_SUMS, *SIZE_SUMS,
+    "lapse", "cover", "turn", "sheared", "kinetic", "weight", *CONTACT_SUMS, *SIZE_SUMS,
 )  # fmt: skip
 
 
@@ -325,8 +325,9 @@ def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
         )
     model, bins = source.model, make_bins(source, chosen)
     times = np.asarray(source.frames.time)[chosen]
-    pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
-    rows = [_of_frames(source, bins, *pair, lapse) for pair, lapse in pairs]
+    ways = np.diff(times), np.diff(strains_of(source).at(times)[0][:, XY])
+    pairs = zip(pairwise(frames_of(source, chosen)), *(way.tolist() for way in ways), strict=True)
+    rows = [_of_frames(source, bins, *pair, *way) for pair, *way in pairs]
     sums = np.column_stack([_of_series(source, times), np.array(rows)])
     shear = float(sums[:, _OF_SERIES.index("stress_xy")].sum())
     found = average_ratios(
@@ -357,13 +358,15 @@ def _of_series(source: Run, times: Floats) -> Floats:
     return sums_between(np.asarray(series["time"]), times, rows)
 
 
-def _of_frames(source: Run, bins: Bins, first: Frame, second: Frame, lapse: float) -> Floats:
+def _of_frames(
+    source: Run, bins: Bins, first: Frame, second: Frame, lapse: float, sheared: float
+) -> Floats:
     """Sums `_OF_FRAMES`, then c_x times area and area of the grains in each bin."""
     model = model_of(source, second)
     slip, everywhere = relative_velocity(second), np.ones(model.grain_count, np.bool_)
     turn = np.asarray(second.angle, np.float64) - np.asarray(first.angle, np.float64)
     cover = 0.5 * lapse * (model_of(source, first).area.sum() + model.area.sum())
-    motion = (lapse, cover, turn.mean(), 0.5 * (slip**2).sum(), len(slip))
+    motion = (lapse, cover, turn.mean(), sheared, 0.5 * (slip**2).sum(), len(slip))
     shares = bins.share(heights(second), cut_of(model, second), bins.place(second))
     moved = bins.total(shares, shares.area * slip[shares.grain, X])
     contacts = contact_sums(model, second, everywhere, -np.inf, np.inf)
@@ -395,6 +398,6 @@ def _derive_cell(height: float, sign: float, sums: Floats) -> dict[str, Floats]:
         "normal_difference": 2.0 * half / pressure,
         "solid_fraction": s["cover"] / s["lapse"] * s["window"] / s["area"],
         **derive_contacts(s),
-        "spin_over_flow": -2.0 * s["turn"] / s["strain_xy"],
+        "spin_over_flow": -2.0 * s["turn"] / s["sheared"],
         "granular_temperature": s["kinetic"] / s["weight"],
     }
