@@ -38,6 +38,7 @@ def test_stages_move_stand_and_move_again(reference):
         frames = list(run.frames)
         times, stages = run.frames.time, run.frames.stage
         assert times[-1] == pytest.approx(100.017)
+        assert frames[0].wall_temperature[0] == 310.0  # what its signal begins with
         still = [frame for frame in frames if frame.stage == 1]
         assert len(still) == 5
         assert all(np.array_equal(frame.position, still[0].position) for frame in still)
