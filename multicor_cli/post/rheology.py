@@ -28,7 +28,7 @@ from multicor_cli.post.bulk import (
 from multicor_cli.post.contacts import has_forces
 from multicor_cli.post.cuts import cut_of
 from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
-from multicor_cli.post.lattice import lattice_of, relative_velocity, strains_of
+from multicor_cli.post.lattice import Strains, lattice_of, relative_velocity, strains_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -325,10 +325,11 @@ def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
         )
     model, bins = source.model, make_bins(source, chosen)
     times = np.asarray(source.frames.time)[chosen]
-    ways = np.diff(times), np.diff(strains_of(source).at(times)[0][:, XY])
+    strains = strains_of(source)
+    ways = np.diff(times), np.diff(strains.at(times)[0][:, XY])
     pairs = zip(pairwise(frames_of(source, chosen)), *(way.tolist() for way in ways), strict=True)
     rows = [_of_frames(source, bins, *pair, *way) for pair, *way in pairs]
-    sums = np.column_stack([_of_series(source, times), np.array(rows)])
+    sums = np.column_stack([_of_series(source, strains, times), np.array(rows)])
     shear = float(sums[:, _OF_SERIES.index("stress_xy")].sum())
     found = average_ratios(
         lambda rows: _derive_cell(bins.extent.height, float(np.sign(shear)), rows),
@@ -344,7 +345,7 @@ def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
     return CellRheology(times[1:], quantities, facts, **parts)
 
 
-def _of_series(source: Run, times: Floats) -> Floats:
+def _of_series(source: Run, strains: Strains, times: Floats) -> Floats:
     """Sums `_OF_SERIES` over the windows that end in each interval, shape ``(r, …)``."""
     series = source.series
     duration = np.asarray(series["window_duration"])
@@ -353,7 +354,7 @@ def _of_series(source: Run, times: Floats) -> Floats:
     contact = (virial[:, 0, 0], virial[:, 1, 1], virial[:, 0, 1])
     area = cell.over_windows(sides[:, XX] * sides[:, YY])
     columns = [np.ones(len(area)), area, *np.asarray(series["wall_force"])[:, 0].T, *contact]
-    strain = np.diff(strains_of(source).strain, axis=0, prepend=0.0)
+    strain = np.diff(strains.strain, axis=0, prepend=0.0)
     rows = np.column_stack([duration[:, np.newaxis] * np.column_stack(columns), strain])
     return sums_between(np.asarray(series["time"]), times, rows)
 

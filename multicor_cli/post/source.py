@@ -122,14 +122,14 @@ class FrameSince:
 @dataclass(frozen=True)
 class _FramesSince:
     run: Run
-    frames: Frames
     before: dict[int, int]
 
     def __getattr__(self, name: str) -> Any:  # the times, for one
-        return getattr(self.frames, name)
+        return getattr(self.run.frames, name)
 
     def __getitem__(self, index: int) -> Any:
-        return FrameSince(self.run, self.frames[index], self.frames[self.before[index]])
+        frames = self.run.frames
+        return FrameSince(self.run, frames[index], frames[self.before[index]])
 
 
 def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDArray[np.int64]]:
@@ -143,7 +143,7 @@ def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDA
             "with --from or --frames"
         )
     before = dict(zip(chosen[1:].tolist(), chosen.tolist(), strict=False))
-    frames = _FramesSince(source, source.frames, before)
+    frames = _FramesSince(source, before)
     return cast("Run", SimpleNamespace(model=source.model, frames=frames)), chosen[1:]
 
 
