@@ -12,11 +12,12 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from multicor_cli.files import read_regular
 from multicor_cli.optional import library
 from multicor_cli.scenario.base import MAX_BYTES
-from multicor_cli.scenario.problems import Problem, Refused, ScenarioError
+from multicor_cli.scenario.problems import Problem, Refused, ScenarioError, parse_key
 from multicor_cli.scenario.scenario import Scenario, load_scenario
 from multicor_cli.studies.study_file import (
     MAX_CASES,
@@ -239,6 +240,24 @@ def check_case(study: Study, case: Case) -> Scenario:
         else:
             others.append(replace(problem, message=of_case))
     raise ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])
+
+
+def in_numbers(study: Study, case: Case) -> Values:
+    """Values of a case; instead of expressions their numbers, unless its scenario is wrong."""
+    expressions = [key for key, value in case.values.items() if str(value).startswith("=")]
+    if not expressions:
+        return case.values
+    try:
+        tables = check_case(study, case).as_dict()
+    except ScenarioError:
+        return case.values
+    values = dict(case.values)
+    for key in expressions:
+        found: Any = tables
+        for part in parse_key(f"{key}=")[0]:
+            found = found[part if isinstance(found, dict) else int(part)]
+        values[key] = found
+    return values
 
 
 def _problems_without_case(study: Study) -> Sequence[Problem]:

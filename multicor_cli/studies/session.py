@@ -15,7 +15,7 @@ from multicor_cli.running.machine import free_space
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.problems import Problem, Refused, ScenarioError
 from multicor_cli.scenario.scenario import load_scenario
-from multicor_cli.studies.axes import SEED, Case, check_case, expand
+from multicor_cli.studies.axes import SEED, Case, check_case, expand, in_numbers
 from multicor_cli.studies.clusters import Cluster, Needs, connected, existing, require_libraries
 from multicor_cli.studies.computing import Computation, Progress, WarningsOnly, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
@@ -115,7 +115,8 @@ class StudySession:
 
     def table(self) -> StudyTable:
         """A row for each case, finished or not."""
-        return make_table(self.directory, self.study.model.observe, self.cases)
+        values = [in_numbers(self.study, case) for case in self.cases]
+        return make_table(self.directory, self.study.model.observe, self.cases, values)
 
 
 @contextmanager

@@ -119,14 +119,17 @@ class StudyTable:
 
 
 def make_table(
-    directory: StudyDirectory, observables: Sequence[Observable], cases: Sequence[Case]
+    directory: StudyDirectory,
+    observables: Sequence[Observable],
+    cases: Sequence[Case],
+    values: Sequence[Values],
 ) -> StudyTable:
-    """The table of a study, finished or not: a row for each case."""
+    """The table of a study, finished or not: a row for each case, with its values in numbers."""
     rows = []
-    for case in cases:
+    for case, of_case in zip(cases, values, strict=True):
         state = directory.state(case)
         row = Row(
-            case.values, state.status.value, {}, {}, "", math.nan, case.name,
+            of_case, state.status.value, {}, {}, "", math.nan, case.name,
             problems={"": state.reason},
         )  # fmt: skip
         if state.status is CaseStatus.FINISHED:

@@ -7,7 +7,7 @@ import pytest
 from scenes import SMALL
 
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.studies.axes import Case, check_case, expand, short_names
+from multicor_cli.studies.axes import Case, check_case, expand, in_numbers, short_names
 from multicor_cli.studies.observing import unknown
 from multicor_cli.studies.session import check_cases, forecast
 from multicor_cli.studies.study_file import load_study
@@ -35,6 +35,13 @@ def problems(call):
     with pytest.raises(ScenarioError) as caught:
         call()
     return [str(problem) for problem in caught.value.problems]
+
+
+def test_tables_tell_the_numbers_of_expressions(read):
+    varied = f'[vary]\n"{FRICTION}" = ["= 0.1 * 4", 0.5, "= -2"]\n'
+    study = read(varied)
+    cases = expand(study)
+    assert [in_numbers(study, case)[FRICTION] for case in cases] == [0.4, 0.5, "= -2"]
 
 
 def test_without_quotes_or_variation(read):
