@@ -85,6 +85,8 @@ def place(scenario: Scenario) -> Placed:
     else:
         groups = other_run.grains_of(scenario, source)
     model = _model(scenario, walls, groups)
+    if source is not None:
+        model = other_run.carry_masses(source, model)
     if model.is_cell:
         model = _with_cell(scenario, model)
         if source is not None:  # of the size that it has there by now

@@ -30,6 +30,7 @@ from multicor_cli.packing.groups import refuse_other_shapes, with_motion
 from multicor_cli.packing.initial_grains import Forms, InitialGrains
 from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import StoreError, layout, open_run
 from multicor_cli.store.atomic import is_regular
@@ -47,9 +48,9 @@ class Source:
     """A moment of another run: a frame, counted from 0, or the last checkpoint.
 
     Of a frame with heat the temperatures at the start of ``model`` are the frame's, unless grains
-    expand from those that they had at first; of a frame the state is what it holds, without running
-    averages of heat. ``size`` is that of the domain [m], None if the scenario does not tell;
-    ``geometries`` are tables of the walls, by their names.
+    expand from those that they had at first, or come again with them; of a frame the state is what
+    it holds, without running averages of heat. ``size`` is that of the domain [m], None if the
+    scenario does not tell; ``geometries`` are tables of the walls, by their names.
     """
 
     path: Path
@@ -147,7 +148,8 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     if thermal is not None and frame.temperature is not None and of_walls is not None:
         temperature = thermal.initial_temperature.copy()
         temperature[here] = frame.temperature
-        if model.expansion.any():  # radii count from the temperatures at the start
+        # Radii count from the temperatures at the start, and grains come again with them
+        if model.expansion.any() or frame.is_open:
             state.heat = thermal.capacity * (temperature - thermal.initial_temperature)
         else:
             model = replace(model, thermal=replace(thermal, initial_temperature=temperature))
@@ -252,12 +254,11 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
         mine = np.flatnonzero(grains.group == k)
         warmth = None if temperature is None else temperature[mine]
         place, motion = state.position[mine], state.velocity[mine]
-        expands = bool(scenario.materials[group.material].expansion)
-        radius = grains.radius if expands or not state.radius.size else state.radius
+        radius = _initial_radius(scenario, group, source, mine)
         forms = _forms_of(source, mine)
-        if forms is not None and radius is state.radius:
-            forms = forms.scaled((radius / grains.radius)[mine])
-        found = InitialGrains(radius[mine], place, motion, warmth, forms=forms)
+        if forms is not None:
+            forms = forms.scaled(radius / grains.radius[mine])
+        found = InitialGrains(radius, place, motion, warmth, forms=forms)
         try:
             refuse_other_shapes(group, found, f"the run '{source.path}'")
         except Refused as error:
@@ -266,6 +267,36 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
         # Else -0 would become 0
         groups.append(with_motion(scenario, group, found) if has_more else found)
     return groups
+
+
+def _initial_radius(
+    scenario: Scenario, group: ParticleGroup, source: Source, mine: NDArray[np.int64]
+) -> Floats:
+    """Radii of grains of a group from which their sizes count in the new run [m], shape ``(k,)``.
+
+    Those of the run while they grow and wear off as there, a = a₀ √(1 − worn) [1 + α (T − T₀)] or
+    its cube root; else those that make them as large with the new α, of all of which nothing is
+    worn. The temperatures T₀ stay, but where the scenario tells others: grains then have their size
+    at these.
+    """
+    model, state, first = source.model, source.state, source.model.grains.radius[mine]
+    sheds = scenario.heat is not None and scenario.heat.wear_shrinks
+    materials = [scenario.materials[each.material] for each in scenario.particles]
+    if not (sheds or any(material.expansion for material in materials)):
+        return state.radius[mine] if state.radius.size else first
+    before, now = np.zeros(mine.size), scenario.materials[group.material].expansion or 0.0
+    if model.expansion.size:
+        before = model.expansion[model.grains.material[mine]]
+    rise = np.zeros(mine.size)
+    if source.temperature is not None and model.thermal is not None:
+        rise = (source.temperature - model.thermal.initial_temperature)[mine]
+    grown, grows = before * rise, now * rise if group.temperature is None else np.zeros(mine.size)
+    size = first * (1.0 + grown) / (1.0 + grows)
+    if model.sheds:
+        from multicor_cli.engine.motion.growth import worn_sizes
+
+        size = size * worn_sizes(model.worn_share(state.wear)[mine], model.dimension)
+    return np.where((before == now) & (grown == grows) & (model.sheds == sheds), first, size)
 
 
 def _forms_of(source: Source, grains: NDArray[np.int64]) -> Forms | None:
@@ -325,19 +356,39 @@ def carry_presence(source: Source, model: Model, state: State) -> None:
         note_presence(state, model, 0)
 
 
+def carry_masses(source: Source, model: Model) -> Model:
+    """The model with grains as heavy as they are there, but for another density.
+
+    Masses follow from radii at the start, and of some grains these are others now
+    (`_initial_radius`).
+    """
+    before = source.model
+    if np.array_equal(model.grains.radius, before.grains.radius):
+        return model
+    ratio = before.grains.radius / model.grains.radius
+    share = ratio * ratio * (ratio if model.dimension > 2.0 else 1.0)
+    if before.sheds:
+        share = np.where(ratio == 1.0, 1.0, share * (1.0 - before.worn_share(source.state.wear)))
+    grains, thermal = model.grains, model.thermal
+    grains = replace(grains, mass=grains.mass * share, inertia=grains.inertia * share)
+    if thermal is not None:
+        thermal = replace(thermal, capacity=thermal.capacity * share)
+    return replace(model, grains=grains, thermal=thermal)
+
+
 def carry_sizes(source: Source, model: Model, state: State) -> Model:
     """Radii and what has worn off; returns the model with grains as large as they are there.
 
-    Grains that expand count both from their radius at the start of the run, where `grains_of` has
-    that; others begin as large and heavy as they are, with no wear.
+    Grains that grow and wear off as there go on with what has worn off them, from the same radius
+    at the start (`_initial_radius`); others have no wear yet.
     """
     old = source.state
-    if not (state.radius.size and old.radius.size):
+    if not state.radius.size:
         return model
-    state.radius = old.radius.copy()
+    state.radius = (old.radius if old.radius.size else source.model.grains.radius).copy()
     if model.sheds and source.model.sheds:
-        expands = model.grains.radius == source.model.grains.radius
-        state.wear = np.where(expands, old.wear, 0.0)
+        goes_on = model.grains.radius == source.model.grains.radius
+        state.wear = np.where(goes_on, old.wear, 0.0)
     return model.with_radius(state.radius, model.worn_share(state.wear))
 
 
@@ -413,19 +464,21 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
 def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
     """Heat contents with the temperatures from which they count: T = T₀ + Q/C has the same bits.
 
-    Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature
-    with Q = 0.
+    Grains with another heat capacity have the same temperatures, and those that the scenario tells
+    a temperature begin anew, with Q = 0.
     """
     before = source.model.thermal
     assert before is not None  # only then there is something to carry
     is_told = np.array([group.temperature is not None for group in scenario.particles])
-    goes_on = ~is_told[source.model.grains.group] & (thermal.capacity == before.capacity)
-    state.heat = np.where(goes_on, source.state.heat, 0.0)
+    is_kept = ~is_told[source.model.grains.group]
+    goes_on = is_kept & (thermal.capacity == before.capacity)
+    other = source.state.heat / before.capacity * thermal.capacity
+    state.heat = np.where(goes_on, source.state.heat, np.where(is_kept, other, 0.0))
     state.heat_ahead = np.where(goes_on, source.state.heat_ahead, 0.0)
     state.heat_dt = source.state.heat_dt
     if state.heat.any():
         state.heat_before = np.array([total(state.heat[state.here])])
-    start = np.where(goes_on, before.initial_temperature, thermal.initial_temperature)
+    start = np.where(is_kept, before.initial_temperature, thermal.initial_temperature)
     return replace(thermal, initial_temperature=start)
 
 

@@ -147,10 +147,55 @@ def test_another_run_goes_on_with_what_is_left_of_worn_grains(expansion, moment,
     assert last.radius == pytest.approx(whole.radius, rel=1e-12)
     assert last.model.grains.mass == pytest.approx(whole.model.grains.mass, rel=1e-12)
     assert last.velocity[0, 0] == pytest.approx(whole.velocity[0, 0], rel=1e-10)
-    if expansion:  # else a heat capacity of its own begins anew
-        assert last.temperature == pytest.approx(whole.temperature, rel=1e-12)
-        assert last.wear == pytest.approx(whole.wear, rel=1e-12)
+    assert last.temperature == pytest.approx(whole.temperature, rel=1e-12)
+    assert last.wear == pytest.approx(whole.wear, rel=1e-12)
     assert second.series["closure"][-1] < 1e-11
+
+
+@pytest.mark.parametrize(("before", "after"), [
+    ({"expansion": 1e-2, "sheds": True}, {"expansion": 1e-2}),
+    ({"expansion": 1e-2, "sheds": True}, {"sheds": True}),
+    ({"expansion": 1e-2, "sheds": True}, {}),
+    ({"expansion": 1e-2, "sheds": True}, {"expansion": 5e-3, "sheds": True}),
+    ({"expansion": 1e-2, "sheds": True}, {"expansion": 1e-2, "sheds": True, "capacity": 160.0}),
+    ({"expansion": 1e-2, "sheds": True}, {"expansion": 1e-2, "sheds": True, "density": 5000.0}),
+    ({"expansion": 1e-2}, {"expansion": 1e-2, "temperature": 500.0}),
+    ({}, {"expansion": 1e-2}),
+])  # fmt: skip
+@pytest.mark.parametrize("moment", [{"at": "end"}, {"frame": -1}])
+def test_grains_stay_as_large_and_heavy_whatever_their_law_becomes(before, after, moment, run):
+    """A disc slides and warms; then nothing heats it any more, and it stays as it is."""
+    a = 1e-3
+
+    def told(friction, expansion=None, sheds=False, capacity=80.0, density=2500.0, **_):
+        glass = GLASS | {"heat_capacity": capacity, "density": density}
+        return {
+            "materials": {"glass": glass | ({"expansion": expansion} if expansion else {})},
+            "size": [10.0, 0.1], "walls": {"floor": plane()}, "dt": 1e-4, "frame_interval": 0.02,
+            "contacts": [{"pair": ["*", "*"], "friction": friction, "wear": friction or 1e-12}],
+            "heat": {"temperature": 300.0, "conduction": "none", "wear_shrinks": sheds},
+        }  # fmt: skip
+
+    grains = [[0.02, a, a, 90.0, 0.0, 0.0]]
+    first = run(scenario(grains=grains, duration=0.04, **told(0.5, **before)), "first")
+    group = {
+        "name": "grains", "material": "glass", "shape": "disc", "thickness": 1e-3,
+        "packing": {"kind": "start"},
+    }  # fmt: skip
+    if "temperature" in after:
+        group["temperature"] = after["temperature"]
+    second = run(scenario(
+        particles=[group], start={"run": str(first.path)} | moment, duration=0.02,
+        **told(0.0, **after),
+    ), "second")  # fmt: skip
+    was, last = first.frames[-1], second.frames[-1]
+    warmth = after.get("temperature", was.temperature[0])
+    assert was.temperature[0] > 300.1
+    assert last.temperature[0] == pytest.approx(warmth, rel=1e-12)
+    weight = was.model.grains.mass[0] * after.get("density", 2500.0) / 2500.0
+    assert last.model.grains.mass[0] == pytest.approx(weight, rel=1e-9)
+    # It has not yet expanded by what the last step has warmed it
+    assert last.model.grains.radius[0] == pytest.approx(was.model.grains.radius[0], rel=2e-5)
 
 
 def test_stops_change_nothing_where_grains_wear_off(tmp_path, run):
