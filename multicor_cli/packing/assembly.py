@@ -84,9 +84,7 @@ def place(scenario: Scenario) -> Placed:
         groups = _make_groups(scenario, walls)
     else:
         groups = other_run.grains_of(scenario, source)
-    model = _model(scenario, walls, groups)
-    if source is not None:
-        model = other_run.carry_masses(source, model)
+    model = other_run.carry_masses(source, _model(scenario, walls, groups))
     if model.is_cell:
         model = _with_cell(scenario, model)
         if source is not None:  # of the size that it has there by now

@@ -356,15 +356,15 @@ def carry_presence(source: Source, model: Model, state: State) -> None:
         note_presence(state, model, 0)
 
 
-def carry_masses(source: Source, model: Model) -> Model:
-    """The model with grains as heavy as they are there, but for another density.
+def carry_masses(source: Source | None, model: Model) -> Model:
+    """The model with grains as heavy as they are there, if anywhere, but for another density.
 
     Masses follow from radii at the start, and of some grains these are others now
     (`_initial_radius`).
     """
-    before = source.model
-    if np.array_equal(model.grains.radius, before.grains.radius):
+    if source is None or np.array_equal(model.grains.radius, source.model.grains.radius):
         return model
+    before = source.model
     ratio = before.grains.radius / model.grains.radius
     share = ratio * ratio * (ratio if model.dimension > 2.0 else 1.0)
     if before.sheds:

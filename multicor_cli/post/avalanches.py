@@ -82,7 +82,7 @@ def avalanches(
     *,
     threshold: float | None = None,
 ) -> Avalanches:
-    """Drops of a column of the time series.
+    """Drops of a column of the time series; the time of frozen stages does not count.
 
     Args:
         source: The run.
@@ -101,21 +101,27 @@ def avalanches(
     if len(names) > 1:
         raise PostError(f"'{of}' are several columns; {choices(of, names)}")
     column = found.quantities[0]
-    known = np.isfinite(column.values) & _is_moving(source, found.time)
+    clock, pause = _clock(source, found.time)
+    known = np.isfinite(column.values) & ~np.isnan(clock)
     time, value = found.time[known], np.asarray(column.values, np.float64)[known]
+    clock, pause = clock[known], pause[known]
     if value.size < 3:
         raise PostError(f"'{of}' has {value.size} values at these times: three are needed")
     value = -value if value.mean() < 0.0 else value
     least = _SIZE * float(value.std()) if threshold is None else threshold
     if threshold is not None and not 0.0 < threshold < np.inf:
         raise PostError(f"the threshold {threshold:g} must be positive")
-    events = find_events(time, value, least)
+    pieces = np.split(np.arange(time.size), np.flatnonzero(np.diff(pause)) + 1)
+    parts = [find_events(time[rows], value[rows], least) for rows in pieces]
+    events = Events(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    begun = clock[np.searchsorted(time, events.start)]
+    events = events._replace(wait=np.diff(begun, prepend=np.nan))
     if not events.size.size:
         raise PostError(
             f"'{of}' never drops by {least:.4g} {column.unit} or more at these times: lower "
             "--threshold"
         )
-    span = float(time[-1] - time[0])
+    span = float(clock[-1] - clock[0])
     mean = {"count": float(events.size.size), "rate": events.size.size / span}
     error, wait = {"rate": np.nan}, events.wait[1:]
     if wait.size > 1:  # that of the time from one drop to the next
@@ -150,16 +156,21 @@ def avalanches(
         Column("start", "s", events.start), Column("duration", "s", events.duration),
         Column("size", unit, events.size), Column("wait", "s", events.wait, "waiting time"),
     ]  # fmt: skip
-    parts = {"events": events, "error": errors, "time": time, "value": value, "law": law}
-    return Avalanches(columns, facts, details, **parts)
+    more = {"events": events, "error": errors, "time": time, "value": value, "law": law}
+    return Avalanches(columns, facts, details, **more)
 
 
-def _is_moving(source: Run, time: Floats) -> NDArray[np.bool_]:
-    """Whether steps of the mechanics were made before each of these rows."""
+def _clock(source: Run, time: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """For how long grains have moved at each of these rows [s], nan where they do not; and how many
+    rows before did not.
+    """
     columns = {column.name: np.asarray(column.values) for column in source.series_columns}
     if "window_duration" not in columns:
-        return np.ones(time.size, np.bool_)
-    return np.isin(time, columns["time"][columns["window_duration"] > 0.0])
+        return time, np.zeros(time.size, np.int64)
+    moved = columns["window_duration"]
+    rows = np.searchsorted(columns["time"], time)
+    clock: Floats = np.where(moved > 0.0, np.cumsum(moved), np.nan)
+    return clock[rows], np.cumsum(moved <= 0.0, dtype=np.int64)[rows]
 
 
 def find_events(time: Floats, value: Floats, threshold: float) -> Events:

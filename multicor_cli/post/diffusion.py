@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -171,21 +171,40 @@ def _between_walls(
         )
     band = find_band(model, extent, margin)
     frames, lapses = list(frames_of(source, chosen)), np.diff(times).tolist()
-    halves: list[Any] = []
-    strain = []
-    for (first, second), lapse in zip(pairwise(frames), lapses, strict=True):
-        need_same_grains(first, second)
-        halves.append(_HalfWay.between(first, second, lapse))
-        strain.append(abs(strain_and_spin(band, model_of(source, second), first, second)[0]))
-    weight = model_of(source, frames[0]).disc_radius ** 2
-    flow = fit_flow(extent, model.mean_diameter, ((half, weight) for half in halves))
-    steps = [flow.fluctuation(half) * dt for half, dt in zip(halves, lapses, strict=True)]
-    way = np.concatenate([np.zeros((1, weight.size, 2)), np.cumsum(steps, axis=0)])
     is_in_bulk = []
     for frame in frames:
         (low, high), y = band.edges(frame), np.asarray(frame.position, np.float64)[:, 1]
         is_in_bulk.append((y > low) & (y < high))
+    weight = model_of(source, frames[0]).disc_radius ** 2
+    halves: list[Any] = []
+    strain = []
+    for (first, second), lapse, bulk in zip(pairwise(frames), lapses, is_in_bulk, strict=False):
+        need_same_grains(first, second)
+        half = _HalfWay.between(first, second, lapse)
+        rest = _without_line(half.position[:, 1], half.velocity, weight * bulk)
+        halves.append(replace(half, velocity=rest))
+        strain.append(abs(strain_and_spin(band, model_of(source, second), first, second)[0]))
+    flow = fit_flow(extent, model.mean_diameter, ((half, weight) for half in halves))
+    steps = [flow.fluctuation(half) * dt for half, dt in zip(halves, lapses, strict=True)]
+    way = np.concatenate([np.zeros((1, weight.size, 2)), np.cumsum(steps, axis=0)])
     return _Ways(way, np.array(is_in_bulk), np.array(strain))
+
+
+def _without_line(y: Floats, velocity: Floats, weight: Floats) -> Floats:
+    """Velocities [m/s] without what is linear in the height y [m], both of shape ``(n, …)``.
+
+    An interval shears the layer a little faster or more slowly than the mean of all, as a cell does
+    whose rate has been taken out of its displacements: that is no diffusion. Squares become smaller
+    by two parts in the number of grains that have a ``weight``.
+    """
+    if np.count_nonzero(weight) < 3:
+        return velocity
+    share = weight / weight.sum()
+    away = (y - (share * y).sum())[:, np.newaxis]
+    share = share[:, np.newaxis]
+    slope = (share * away * velocity).sum(axis=0) / (share * away * away).sum()
+    mean = (share * velocity).sum(axis=0)
+    return np.asarray(velocity - mean - slope * away)
 
 
 def _squares(ways: _Ways, start: int, end: int) -> Floats:

@@ -213,9 +213,9 @@ def _separation(y: Floats, group: NDArray[np.int64]) -> float:
     first = int((group == 0).sum())
     if not 0 < first < group.size or group.max() > 1:
         return np.nan
-    ordered = np.sort(y)[::-1]
-    most = float(ordered[:first].mean() - ordered[first:].mean())
     found = float(y[group == 0].mean() - y[group == 1].mean())
+    ordered = np.sort(y)[::-1] if found > 0.0 else np.sort(y)  # the first group at its end
+    most = abs(float(ordered[:first].mean() - ordered[first:].mean()))
     return found / most if most > 0.0 else np.nan
 
 

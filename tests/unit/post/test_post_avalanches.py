@@ -6,6 +6,7 @@ from made_up_groups import source_of_series
 
 from multicor_cli.post import PostError, avalanches
 from multicor_cli.post.avalanches import find_events, fit_power_law
+from multicor_cli.store.frames import NamedColumn
 
 
 def saw_tooth(teeth, rising=8, falling=2, height=3.0, sign=1.0):
@@ -38,6 +39,25 @@ def test_a_saw_tooth(sign):
     assert "50 events are needed, there are 12" in table.note
     assert {row[0]: row[1] for row in table.rows}["mean drop [N]"] == pytest.approx(3.0)
     assert len(table.detail_rows) == 12
+
+
+def test_time_without_motion_does_not_count():
+    """Ninety seconds of a frozen stage amid a saw-tooth, in which the column is not known or falls:
+    rate and waits are those of the time in which grains move."""
+    teeth, still = saw_tooth(12)[:-1], 9
+    for resting in (np.nan, 0.0):
+        source = source_of_series(np.concatenate([teeth, np.full(still, resting), teeth]))
+        time, pull = (column.values for column in source.series_columns)
+        time[len(teeth) :] += 10.0 * np.minimum(np.arange(1, still + len(teeth) + 1), still)
+        moved = np.full(pull.size, 0.1)
+        moved[len(teeth) : len(teeth) + still] = 0.0
+        source.series_columns.append(NamedColumn("window_duration", "s", moved))
+        table = avalanches(source, "pull", threshold=1.0)
+        # The last drop of the first piece ends a row before its last tooth is over
+        assert table.mean["count"] == 24.0
+        assert table.events.wait[1:] == pytest.approx(np.ones(23), rel=1e-9)
+        assert table.mean["rate"] == pytest.approx(1.0, rel=0.01)
+        assert table.events.size[[0, 12]] == pytest.approx([3.0, 3.0])
 
 
 def drops_of(time, value, threshold):

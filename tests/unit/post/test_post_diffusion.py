@@ -35,8 +35,9 @@ def cell_of(spread, *, rate=RATE, count=4000):
     return source_of(model, frames, times, series=strained((8.0, 5.0, 0.0), gradient[0], times))
 
 
-def layer_of(spread, *, rate=RATE, count=4000):
-    """Between walls at 0 and 1 that shear grains, which stray far less than that."""
+def layer_of(spread, *, rate=RATE, count=4000, unsteady=0.0):
+    """Between walls at 0 and 1 that shear grains, which stray far less than that; by turns a share
+    ``unsteady`` faster and more slowly."""
     model, random = between_planes([1e-3] * count), np.random.default_rng(8)
     y, x = random.uniform(0.0, 1.0, count), random.uniform(0.0, 4.0, count)
     strayed, frames = ways(count, spread), []
@@ -44,7 +45,8 @@ def layer_of(spread, *, rate=RATE, count=4000):
     along = np.zeros(count)
     for k in range(FRAMES):
         if k:
-            along = along + rate * LAPSE * 0.5 * (height[k] + height[k - 1])
+            turn = rate * (1.0 + unsteady * (-1.0) ** k)
+            along = along + turn * LAPSE * 0.5 * (height[k] + height[k - 1])
             along = along + strayed[k, :, 0] - strayed[k - 1, :, 0]
         place = np.column_stack([x + along, height[k], np.zeros(count)])
         wrapped = place - [4.0, 0.0, 0.0] * np.floor(place[:, :1] / 4.0)
@@ -81,6 +83,16 @@ def test_a_mean_flow_alone_does_not_diffuse():
     table = post.diffusion(layer_of((0.0, 0.0), rate=3.0), ALL)
     assert table.msd_x.max() < 1e-20
     assert table.msd_y.max() < 1e-20
+
+
+@pytest.mark.parametrize("unsteady", [0.05, 1.0])
+def test_a_mean_flow_that_changes_does_not_diffuse_either(unsteady):
+    """As in a cell: each interval has a flow of its own."""
+    table = post.diffusion(layer_of((0.0, 0.0), unsteady=unsteady), ALL)
+    assert table.msd_x.max() < 1e-20
+    assert table.msd_y.max() < 1e-20
+    table = post.diffusion(layer_of((4e-4, 1e-4), unsteady=unsteady), ALL)
+    np.testing.assert_allclose(table.diffusion, (4e-4, 1e-4), rtol=0.08)
 
 
 def test_in_a_cell_at_rest_all_lags_count():

@@ -40,6 +40,18 @@ def test_groups_that_are_apart(above, period):
     assert turned.values["mixing_index"] == pytest.approx(table.values["mixing_index"], abs=1e-12)
 
 
+@pytest.mark.parametrize("groups", [("a", "b"), ("b", "a")])
+@pytest.mark.parametrize("is_above", [True, False])
+def test_what_is_apart_is_so_however_unevenly_it_lies(is_above, groups):
+    """1 with the first group on top, −1 with it at the bottom: few grains, denser below."""
+    y = 10.0 * (np.arange(25) / 24.0) ** 3
+    few = np.arange(25) >= 20 if is_above else np.arange(25) < 5
+    places = np.column_stack([np.arange(25) % 5 + 0.5, y])
+    table = mixing(source_of_groups(np.where(few, 0, 1), [places]), cell=5.0, groups=groups)
+    expected = 1.0 if is_above == (groups[0] == "a") else -1.0
+    assert table.values["separation"] == pytest.approx([expected])
+
+
 @pytest.mark.parametrize("cell", [3.0, 10.0, 33.3])
 @pytest.mark.parametrize("shares", [(0.5, 0.5), (0.1, 0.9), (0.2, 0.5, 0.3)])
 def test_chance_mixes_completely(shares, cell):
