@@ -34,6 +34,7 @@ from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.particles import (
     MAX_FILL,
+    MOTION,
     CompactedPacking,
     DepositedPacking,
     FilePacking,
@@ -159,7 +160,7 @@ def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains)
     rates = scenario.domain.cell_rates
     is_real = grains.is_velocity_real
     if is_real is None:
-        is_real = not group.model_fields_set.isdisjoint(("velocity", "shear_rate"))
+        is_real = not group.model_fields_set.isdisjoint(MOTION)
     if rates is not None and is_real:
         gradient = np.array([rates.xx, rates.yy, rates.xy])
         velocity[:, :2] -= mean_flow(grains.position, gradient)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from multicor_cli.scenario.base import CHANGEABLE, Formerly
+from multicor_cli.scenario.particles import MOTION
 from multicor_cli.scenario.problems import KeyPath, show
 from multicor_cli.scenario.tables import ScenarioModel
 from multicor_cli.scenario.translate import find_field, find_location
@@ -31,11 +32,20 @@ def _find(before: dict[str, Any], after: dict[str, Any]) -> list[Difference]:
     return [
         difference
         for difference in _compare((), before, after)
-        if not any(
-            CHANGEABLE in _marks(difference.path[:end])
-            for end in range(1, len(difference.path) + 1)
+        if not (
+            any(
+                CHANGEABLE in _marks(difference.path[:end])
+                for end in range(1, len(difference.path) + 1)
+            )
+            or _is_said_no_more(difference)
         )
     ]
+
+
+def _is_said_no_more(difference: Difference) -> bool:
+    """Whether it is the default that an older version wrote of grains that move with a cell."""
+    has_default = difference.before in (show([0.0, 0.0]), show(0.0))
+    return has_default and difference.after == _told(_ABSENT) and difference.path[-1] in MOTION
 
 
 def added_stages(before: str, after: str) -> int:

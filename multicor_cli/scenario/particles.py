@@ -350,6 +350,10 @@ def take_groups(document: dict[str, Any], directory: Path) -> bool:
 
 # ---- Groups
 
+MOTION = ("velocity", "shear_rate")
+"""Keys of a group without which its grains move with the mean flow of a cell that begins with one.
+"""
+
 
 class ParticleGroup(Table):
     """One entry of ``[[particles]]``.

@@ -15,6 +15,7 @@ from multicor_cli.scenario.documents import to_document, to_override
 from multicor_cli.scenario.drives import WallCondition
 from multicor_cli.scenario.load import read_tables, read_text
 from multicor_cli.scenario.materials import ContactPair
+from multicor_cli.scenario.particles import MOTION
 from multicor_cli.scenario.problems import Refused, ScenarioError, Sources
 from multicor_cli.scenario.settings import Solver
 from multicor_cli.scenario.sizes import Sizes
@@ -195,16 +196,19 @@ class Scenario(ScenarioModel):
 
     def as_dict(self) -> dict[str, Any]:
         """All tables, with defaults and changes, evaluated; `from_dict` makes an equal scenario."""
-        return self.model_dump(by_alias=True, exclude_none=True)
+        tables = self.model_dump(by_alias=True, exclude_none=True)
+        if self.domain.cell_rates is not None:  # else grains would not move with the mean flow
+            for table, group in zip(tables["particles"], self.particles, strict=True):
+                for key in {*MOTION} - group.model_fields_set:
+                    del table[key]
+        return tables
 
     def resolved_toml(self) -> str:
         """What `as_dict` holds, as TOML; loads back to an equal scenario."""
         return tomli_w.dumps(self.as_dict())
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scenario) and all(
-            getattr(self, key) == getattr(other, key) for key in ScenarioModel.model_fields
-        )
+        return isinstance(other, Scenario) and self.as_dict() == other.as_dict()
 
     __hash__ = None  # type: ignore[assignment]  # tables hold dictionaries
 

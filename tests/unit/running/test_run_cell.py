@@ -18,6 +18,7 @@ from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.state import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.running.conditions import BLOCKS, Aim, CellSteady, CellStressReached, StepDone
+from multicor_cli.running.differences import find_differences
 from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import foresee_steps
 from multicor_cli.running.time_step import scales_of_stage
@@ -31,6 +32,33 @@ SECOND = "cell = { xx = { rate = 0.0 }, yy = { stress = 40.0 }, xy = { rate = -2
 
 def first(text, more=""):
     return FIRST, f"cell = {{ {text} }}\n{more}"
+
+
+@pytest.mark.parametrize("said", ["", "velocity = [0.0, 0.0]\n", "shear_rate = 0.0\n"])
+def test_what_a_run_holds_is_the_scenario_that_it_is_of(said, tmp_path):
+    """Grains move with a cell that begins with rates, unless it is said how they do."""
+    square = 'periodic = ["x", "y"]'
+    text = changed(
+        CELL, (square, f"{square}\ncell_rates = {{ xy = 30.0 }}"),
+        ("[[particles]]\n", f"[[particles]]\n{said}"),
+    )  # fmt: skip
+    scenario = parse_scenario(text, "cell.toml")
+    state = build(scenario)[1]
+    assert state.velocity.any() == bool(said)
+    for other in (
+        multicor.Scenario.from_dict(scenario.as_dict()),
+        parse_scenario(scenario.resolved_toml(), "again.toml"),
+    ):
+        assert other == scenario
+        assert build(other)[1].digest() == state.digest()
+    plain = parse_scenario(text.replace(said, ""), "cell.toml")
+    assert (plain == scenario) == (not said)
+    # Of a run of a version that did not tell
+    before = plain.resolved_toml().replace(
+        "[[particles]]\n", "[[particles]]\nvelocity = [0.0, 0.0]\n"
+    )
+    assert before != plain.resolved_toml()
+    assert find_differences(before, plain.resolved_toml()) == []
 
 
 def prepared(*changes):
