@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from pydantic import ConfigDict, Field
 from multicor_cli.model.cell import CELL
 from multicor_cli.scenario.documents import to_document, to_override
 from multicor_cli.scenario.drives import WallCondition
-from multicor_cli.scenario.load import read_tables, read_text
+from multicor_cli.scenario.load import apply_overrides, read_tables, read_text
 from multicor_cli.scenario.materials import ContactPair
 from multicor_cli.scenario.particles import MOTION
 from multicor_cli.scenario.problems import Refused, ScenarioError, Sources
@@ -106,6 +107,13 @@ class Scenario(ScenarioModel):
     def seed(self) -> int:
         """Seed of all random numbers; where the file says ``"random"``, the one that was drawn."""
         return int(self.scenario.seed)
+
+    @property
+    def has_drawn_seed(self) -> bool:
+        """Whether the file says ``"random"``."""
+        given = tomllib.loads(self.sources.text)
+        apply_overrides(given, self.sources.overrides)
+        return bool(given["scenario"]["seed"] == "random")
 
     @property
     def variables(self) -> dict[str, float]:

@@ -44,6 +44,15 @@ def test_tables_tell_the_numbers_of_expressions(read):
     assert [in_numbers(study, case)[FRICTION] for case in cases] == [0.4, 0.5, "= -2"]
 
 
+@pytest.mark.parametrize("seeds", ["", "seeds = 2\n", "seeds = [4, 5]\n"])
+def test_a_seed_that_is_drawn_anew_at_each_look_is_refused(read, seeds):
+    study = read(f'{seeds}[set]\n"scenario.seed" = "random"\n')
+    (problem,) = problems(lambda: expand(study))
+    assert "study.scenario" in problem
+    assert "by chance" in problem
+    assert '"scenario.seed" = 1' in problem
+
+
 def test_without_quotes_or_variation(read):
     (case,) = expand(read(""))
     assert case == Case("only", {})
