@@ -281,7 +281,7 @@ def _named(rows: Sequence[Values]) -> list[Case]:
         names = [_name(row, short, digits) for row in rows]
         if len({name.casefold() for name in names}) == len(names):
             return [Case(name, row) for name, row in zip(names, rows, strict=True)]
-    return [Case(f"{name}_{_digest(row)}", row) for name, row in zip(names, rows, strict=True)]
+    return [Case(f"{name}_{digest_of(row)}", row) for name, row in zip(names, rows, strict=True)]
 
 
 def short_names(keys: Iterable[str]) -> dict[str, str]:
@@ -298,6 +298,15 @@ def short_names(keys: Iterable[str]) -> dict[str, str]:
     return found
 
 
+def digits_of(values: Iterable[Value]) -> int:
+    """The fewest significant digits with which different values look different."""
+    different = set(values)
+    for digits in _DIGITS_OF_NAMES:
+        if len({shown(value, digits) for value in different}) == len(different):
+            return digits
+    return _DIGITS_OF_NAMES[-1]
+
+
 def shown(value: Value, digits: int = 6) -> str:
     """A value in a name or a table."""
     if isinstance(value, bool):
@@ -308,8 +317,9 @@ def shown(value: Value, digits: int = 6) -> str:
 def _name(row: Values, short: dict[str, str], digits: int) -> str:
     values = {key: _UNSAFE.sub("-", shown(value, digits)) for key, value in row.items()}
     name = "_".join(f"{short[key]}={value}" for key, value in values.items()) or "only"
-    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 9]}_{_digest(row)}"
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 9]}_{digest_of(row)}"
 
 
-def _digest(row: Values) -> str:
+def digest_of(row: Values) -> str:
+    """Eight letters that tell combinations of values apart."""
     return hashlib.sha256(json.dumps(row).encode()).hexdigest()[:8]

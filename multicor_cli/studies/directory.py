@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from multicor_cli.store.atomic import commit_bytes, make_directory, storage_erro
 from multicor_cli.store.documents import SIZE_LIMIT
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.lock import RunLock, is_alive
-from multicor_cli.studies.axes import Case
+from multicor_cli.studies.axes import Case, Values, digest_of
 from multicor_cli.studies.study_file import Study
 
 FILETYPE, VERSION = "multicor-study", 1
@@ -109,6 +109,24 @@ class StudyDirectory:
 
     def cases(self) -> list[Case]:
         return [Case(name, values) for name, values in self.document()["cases"].items()]
+
+    def as_named(self, cases: Sequence[Case]) -> list[Case]:
+        """The same cases; those that are known have the names that they have here.
+
+        Names are as short as the values of all cases allow, and there may be more by now.
+        """
+        known = self.cases() if self.exists else []
+        names = {_key(case.values): case.name for case in known}
+        taken = {case.name.casefold(): case.values.keys() for case in known}
+        named = []
+        for case in cases:
+            name = names.get(_key(case.values))
+            if name is None:
+                name = case.name
+                if taken.get(name.casefold()) == case.values.keys():
+                    name = f"{name}_{digest_of(case.values)}"
+            named.append(replace(case, name=name))
+        return named
 
     def begin(self, study: Study, cases: Sequence[Case], resolved: str) -> None:
         """Write or renew ``study.json``; ``resolved`` is the scenario with all defaults, as TOML.
@@ -201,6 +219,10 @@ def _refuse_changes(
             findings.append(Refused(("vary",), message, remedy))
     if findings:
         raise study.refuse(*findings[:10])
+
+
+def _key(values: Values) -> str:
+    return json.dumps(dict(values), sort_keys=True)
 
 
 def _commit(file: Path, label: str, data: dict[str, Any]) -> None:

@@ -38,10 +38,14 @@ class StudySession:
 
     @classmethod
     def open(cls, file: str | Path, directory: str | Path | None = None) -> StudySession:
-        """Load a study file and list its cases, writing nothing; raises `ScenarioError`."""
+        """Load a study file and list its cases, writing nothing; raises `ScenarioError`.
+
+        `DamagedRun` if the directory holds a study that cannot be read.
+        """
         study = load_study(file)
         path = Path(directory) if directory is not None else Path("studies") / study.name
-        return cls(study, expand(study), StudyDirectory(path))
+        where = StudyDirectory(path)
+        return cls(study, where.as_named(expand(study)), where)
 
     def check(self) -> Forecast:
         """Look at every case that has not begun, and estimate what is left of the study.

@@ -14,7 +14,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.plots.style import PlotError
-from multicor_cli.studies.axes import SEED, Case, Value, Values, short_names, shown
+from multicor_cli.studies.axes import SEED, Case, Value, Values, digits_of, short_names, shown
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
 from multicor_cli.studies.observing import observe
 from multicor_cli.studies.study_file import Observable
@@ -94,8 +94,12 @@ class StudyTable:
         """Headings and rows for people: numbers with their errors (the larger) in one column."""
         names = short_names(self.keys).values()
         lines = []
+        digits = {key: digits_of(values_of(self.rows, key)) for key in self.keys}
         for row in self.rows:
-            values = [shown(row.values[key]) if key in row.values else "" for key in self.keys]
+            values = [
+                shown(row.values[key], digits[key]) if key in row.values else ""
+                for key in self.keys
+            ]
             numbers = [
                 with_error(*_with_error(row, name)) if name in row.numbers else "–"
                 for name in self.observables

@@ -7,7 +7,8 @@ import pytest
 from scenes import SMALL
 
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.studies.axes import Case, check_case, expand, in_numbers, short_names
+from multicor_cli.studies.axes import Case, check_case, digits_of, expand, in_numbers, short_names
+from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.observing import unknown
 from multicor_cli.studies.session import check_cases, forecast
 from multicor_cli.studies.study_file import load_study
@@ -51,6 +52,33 @@ def test_a_seed_that_is_drawn_anew_at_each_look_is_refused(read, seeds):
     assert "study.scenario" in problem
     assert "by chance" in problem
     assert '"scenario.seed" = 1' in problem
+
+
+def test_cases_that_have_begun_keep_their_names(read, tmp_path):
+    """Whatever values come later that six digits do not tell from theirs."""
+
+    def named(*values):
+        study = read(f'[vary]\n"{FRICTION}" = [{", ".join(map(str, values))}]\n')
+        cases = StudyDirectory(tmp_path / "out").as_named(expand(study))
+        StudyDirectory(tmp_path / "out").begin(study, cases, "")
+        return [case.name for case in cases]
+
+    first = named(0.333333333333)
+    assert first == ["friction=0.333333"]
+    both = named(0.333333333333, 0.33333333)
+    assert both == [*first, "friction=0.33333333"]
+    many = named(0.33333333, 0.25, 0.3333333)
+    assert many[0] == both[1]
+    assert len({*many, *both}) == 4
+    alone = named(0.3333334)
+    assert alone[0].startswith("friction=0.333333_")
+    assert named(0.3333334) == alone
+
+
+def test_tables_show_as_many_digits_as_tell_values_apart():
+    assert digits_of([0.25, 0.5, 0.25]) == 6
+    assert digits_of([0.333333333, 0.33333333]) == 12
+    assert digits_of(["= 2 * d", 1, True]) == 6
 
 
 def test_without_quotes_or_variation(read):
