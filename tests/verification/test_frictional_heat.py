@@ -252,6 +252,21 @@ def test_a_collision_feels_the_mass_of_a_wall_that_gives_way(free, damping):
     assert engine.state.heat[0] == pytest.approx(10.0 * exchange, rel=1e-6)
 
 
+@pytest.mark.parametrize("speed", [0.0, 1e-17, 1e-9])
+def test_what_closes_under_a_load_has_no_impact(speed):
+    """A grain is set down on a warm floor: what it conducts does not go by whether rounding lets it
+    approach, but by its weight."""
+    found = []
+    for collisional in (True, False):
+        engine = coupled_engine(
+            warm_model(shapes=FLOOR), [[0.0, 1.0]], [[0.0, -speed, 0.0]], [at_temperature(310.0)],
+            collisional=collisional,
+        )  # fmt: skip
+        engine.step(1e-3, 0.0)
+        found.append(float(engine.state.heat[0]))
+    assert found[0] == found[1] > 0.0
+
+
 def test_running_average_of_the_force():
     """A grain at rest: F̄ = F from the first step on; the kept sum grows as 1 − exp(−t/τ)."""
     model = warm_model(shapes=FLOOR)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.friction import impact_exchange, wall_gives
+from multicor_cli.engine.heat.friction import MOST_OF_IMPACT, impact_exchange, wall_gives
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -85,7 +85,8 @@ def hit(
 ) -> None:  # fmt: skip
     """Give points that are new in this step the conductance of an impact, spread over the step.
 
-    A place is hit once, at the mean of its points by impulse, and they share the impact so:
+    Not where others press, as in `collide`. A place is hit once, at the mean of its points by
+    impulse, and they share the impact so:
     impulses ``carried``, and in ``total`` by the place [N s]. Of places are a* [m] and the area
     that is pressed [m²]; ``spin_factor`` is m σ²/I, ``mobility`` of walls as in `Moved`.
     **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
@@ -110,6 +111,8 @@ def hit(
         else:
             wall, nx, ny = scene.wall[j - scene.radius.size], contacts[c].nx, contacts[c].ny
             inverse += wall_gives(mobility, wall, nx, ny, turn_too[h])
+        if total[c] * inverse > MOST_OF_IMPACT * speed[h]:
+            continue
         solid = laws.conductivity[a], laws.volumetric[a], laws.conductivity[b], laws.volumetric[b]
         modulus = laws.modulus[a, b]
         exchange = max(
