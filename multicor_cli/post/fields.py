@@ -35,6 +35,7 @@ _LEAST_REACH = 0.01
 _MOST_REACH = 1e4
 """Largest: more than any run is wide."""
 
+_FAR = 1e6  # mean diameters from the grains up to which a center may lie
 _MEMORY = 256_000_000  # bytes that the densities of blocks of frames may take
 _FEWEST_AND_MOST = (8, 64)  # such blocks
 _AT_ONCE = 4096  # points whose errors are made together
@@ -220,6 +221,10 @@ def _points(
             away = np.hypot(*(position - np.array(center)).T)
             inner = min(inner, max(float((away - radius).min()), 0.0))
             outer = max(outer, float((away + radius).max()))
+        if not inner < _FAR * source.model.mean_diameter:
+            raise PostError(
+                f"the center lies {inner:.3g} m away from all grains: choose one nearer"
+            )
         around = field_sums.rings if is_radial else field_sums.polar_grid
         return around(center, inner, outer, spacing)
     if source.model.is_cell:

@@ -227,7 +227,7 @@ def distance_bins(
         return bins, reach / bins
     if not 0.0 < reach < np.inf:
         raise PostError(f"the largest distance {reach:g} must be positive")
-    count = bins or min(max(round(reach / wide), 1), BIN_LIMIT)
+    count = bins or max(round(min(reach / wide, BIN_LIMIT)), 1)
     if reach * (1.0 + 0.5 / count) > limit * (1.0 + 1e-9):
         raise PostError(
             f"--reach {reach:g} is too far: the last bin ends at half of the least height of the "

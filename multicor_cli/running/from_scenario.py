@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -175,7 +176,7 @@ TRIES = 100
 def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     """The rules of a run with all its grains, as in ``model``."""
     groups = enumerate(scenario.particles)
-    releases = (_release(scenario, number, group) for number, group in groups)
+    releases = (_release(scenario, model, number, group) for number, group in groups)
     outlets = (
         Outlet(Rectangle(outlet.region.min, outlet.region.max), outlet.then == "release")
         for outlet in scenario.outlets
@@ -194,7 +195,7 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     )
 
 
-def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release | None:
+def _release(scenario: Scenario, model: Model, number: int, group: ParticleGroup) -> Release | None:
     from multicor_cli.packing.sizes import Purpose, TableKind, stream
 
     table = group.release
@@ -205,6 +206,14 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
         drawn = stream(scenario.seed, TableKind.PARTICLES, number, Purpose.RELEASE, release)
         return drawn.random((TRIES, 2))
 
+    angles = np.empty(0)
+    if group.outline is not None:
+        from multicor_cli.packing.forms import angles_of
+
+        count = int(np.count_nonzero(model.grains.group == number))
+        angles = angles_of(
+            group, count, partial(stream, scenario.seed, TableKind.PARTICLES, number)
+        )
     rate = table.rate if table.rate is not None else table.mass_rate
     assert rate is not None  # the scenario has been checked
     return Release(
@@ -215,6 +224,7 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
         region=Rectangle(table.region.min, table.region.max),
         spans_period=scenario.domain.is_spanned(table.region.min[0], table.region.max[0]),
         velocity=(*group.velocity, group.spin),
+        angles=angles,
         draw=draw,
     )
 

@@ -170,8 +170,8 @@ class Scales:
         strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the
             height of the domain, that of the two largest in y over its smaller side, and the
             fastest spin of a wall; a surface that runs counts as the motion of the wall that would
-            carry grains along like it; or that of a layer on a slope (`_sliding_number`). Of a
-            cell γ̇ is the largest rate.
+            carry grains along like it; that of a layer on a slope (`_sliding_number`); and that of
+            the layer that flows down in a drum (`_drum_rate`). Of a cell γ̇ is the largest rate.
         travel: d̄ over the largest speed that is known beforehand, that of ``fastest``.
         friction: Largest coefficient of friction between grains.
         period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
@@ -241,8 +241,13 @@ def find_scales(
         mean_mass *= min(1.0, 1.0 if (f := scenario.domain.cell_inertia) is None else f)
     pressure = largest_pressure(scenario, model, drives, gravity)
     scale = math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf
-    rate = _largest_rate(scenario, model, drives)
-    sliding = _sliding_number(scenario, gravity) / scale
+    rates = {
+        "the cell" if model.is_cell else "moving walls": _largest_rate(scenario, model, drives),
+        "a layer that slides down": _sliding_number(scenario, gravity) / scale,
+        "the layer that flows down in a drum": _drum_rate(model, drives, gravity),
+    }
+    strained_by = max(rates, key=rates.__getitem__)
+    rate = rates[strained_by]
     speed, mover = fastest(scenario, model, drives, gravity)
     cycles = cycles or (list(wall_cycles(model, drives)), [])
     period, heat_period = (
@@ -251,7 +256,7 @@ def find_scales(
     )
     return Scales(
         scale,
-        1.0 / max(rate, sliding) if max(rate, sliding) > 0.0 else math.inf,
+        1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
         largest_friction(model, laws or model.laws),
         period.period,
@@ -260,13 +265,7 @@ def find_scales(
         heat_period.period,
         heat_period.of,
         adhesion_time(model),
-        strained_by=(
-            "a layer that slides down"
-            if sliding > rate
-            else "the cell"
-            if model.is_cell
-            else "moving walls"
-        ),
+        strained_by=strained_by,
     )
 
 
@@ -282,6 +281,17 @@ def _sliding_number(scenario: Scenario, gravity: LargestGravity) -> float:
         return LARGEST_NUMBER
     excess = (along / across - SLOWEST) / BY_NUMBER
     return min(LARGEST_NUMBER, power(excess, 1.0 / POWER))
+
+
+def _drum_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
+    """Rate of shear of the layer that flows down in a drum [1/s]; 0 where none turns.
+
+    ½ √(g/d̄) however fast that is: GDR MiDi, Eur. Phys. J. E 14, 341 (2004).
+    """
+    drums = set(model.shapes.wall[model.shapes.kind == ShapeKind.CIRCLE].tolist())
+    if model.is_cell or not any(_largest_velocity(drives[w].spin) > 0.0 for w in drums):
+        return 0.0
+    return 0.5 * math.sqrt(gravity[2] / model.mean_diameter)
 
 
 def largest_pressure(

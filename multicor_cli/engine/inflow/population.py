@@ -19,7 +19,7 @@ from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Release
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.books import EXCHANGE_NAMES, stored_fields
-from multicor_cli.model.columns import ANGLE, RADIUS, SPIN, X, Y
+from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import Presence, State
 
@@ -269,7 +269,8 @@ def _put(
     grain: int, place: tuple[float, float], release: Release, model: Model, state: State
 ) -> None:
     x, y = place
-    angle = 0.0 if model.outlines is None else state.position[grain, ANGLE]
+    first = int(np.searchsorted(model.grains.group, release.group))
+    angle = release.angles[grain - first] if release.angles.size else 0.0
     state.position[grain] = x - model.period if 0.0 < model.period <= x else x, y, angle
     state.image[grain] = 0
     state.velocity[grain] = release.velocity

@@ -44,6 +44,7 @@ class Release:
         region: Where; grains lie wholly in it.
         spans_period: Whether it is the whole period wide: grains may then lie across its ends.
         velocity: Velocity [m/s] and spin [rad/s] that grains come with.
+        angles: At which each grain of the group comes [rad], of size 0 if all are discs.
         draw: For the k-th release, numbers in [0, 1) for the places tried, shape ``(tries, 2)``.
     """
 
@@ -54,6 +55,7 @@ class Release:
     region: Rectangle
     spans_period: bool
     velocity: tuple[float, float, float]
+    angles: Floats
     draw: Callable[[int], Floats]
 
     def allowed(self, time: float) -> float:

@@ -526,3 +526,28 @@ def test_room_is_sought_among_grains_as_large_as_they_have_become():
     assert find_room(rule, 0, 1, model, state) == pytest.approx((0.01 + a, 0.01 + a), abs=1e-12)
     state.radius[0] *= 1.02
     assert find_room(rule, 0, 1, model, state) is None
+
+
+def test_grains_come_again_at_the_angles_at_which_they_came_first(run):
+    """Two rods turn as they fall to an outlet that sends them back; each has an angle of its own."""
+    region = {"min": [0.02, 0.08], "max": [0.08, 0.09]}
+    rods = {
+        "name": "rods", "material": "glass", "count": 2, "spin": 20.0, "thickness": 1e-3,
+        "shape": {"kind": "rod", "aspect": 3.0}, "sizes": {"kind": "list", "radii": [2e-3, 2e-3]},
+        "orientation": {"kind": "list", "angles": [30.0, 75.0]},
+        "release": {"rate": 25.0, "region": region},
+    }  # fmt: skip
+    outlet = {"name": "below", "region": {"min": [-1.0, -1.0], "max": [1.0, 0.01]}}
+    made = run(make_scenario(
+        particles=[rods], outlets=[outlet | {"then": "release"}], size=[0.1, 0.1], walls=[],
+        duration=0.5, dt=1e-3, frame_interval=1e-3,
+    ))  # fmt: skip
+    came, low = {0: [], 1: []}, {0: 0.0, 1: 0.0}
+    for frame in made.frames:
+        for grain, place, angle in zip(frame.number, frame.position, frame.angle, strict=True):
+            if place[1] > low[grain] + 0.03:
+                came[grain].append(np.degrees(angle - 20.0 * 1e-3))
+            low[grain] = place[1]
+    for grain, angle in ((0, 30.0), (1, 75.0)):
+        assert len(came[grain]) >= 3
+        assert came[grain] == pytest.approx(np.full(len(came[grain]), angle), abs=1e-6)

@@ -131,6 +131,20 @@ def test_adhesion_sets_the_time_in_which_it_crosses_its_range(reach):
     assert "adhesion crosses its range" in review.text()
 
 
+@pytest.mark.parametrize("speed", [0.0, 1e-3, 3.0])
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_the_layer_that_flows_down_in_a_drum_sets_its_own_rate(gravity, speed):
+    """½ √(g/d̄), however slowly the drum turns."""
+    overrides = [f"domain.gravity=[0.0, {-gravity}]"]
+    scenario = multicor.load_scenario(ROOT / "configs" / "drum.toml", overrides=overrides)
+    model, _ = build(scenario)
+    scales = find_scales(scenario, model, [moving(spin=Constant(speed))])
+    flows = speed > 0.0 < gravity
+    rate = 0.5 * math.sqrt(gravity / model.mean_diameter) if flows else speed
+    assert 1.0 / scales.strain == pytest.approx(rate)
+    assert (scales.strained_by == "the layer that flows down in a drum") == flows
+
+
 def test_an_explicit_time_step_is_kept_and_reviewed():
     scenario = parse_scenario(SHEAR, "shear.toml", ["solver.dt=1e-4"])
     model, _ = build(scenario)
