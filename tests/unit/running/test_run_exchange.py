@@ -544,10 +544,10 @@ def test_grains_come_again_at_the_angles_at_which_they_came_first(run):
     ))  # fmt: skip
     came, low = {0: [], 1: []}, {0: 0.0, 1: 0.0}
     for frame in made.frames:
-        for grain, place, angle in zip(frame.number, frame.position, frame.angle, strict=True):
-            if place[1] > low[grain] + 0.03:
+        for grain, at, angle in zip(frame.number, frame.position, frame.angle, strict=True):
+            if at[1] > low[grain] + 0.03:
                 came[grain].append(np.degrees(angle - 20.0 * 1e-3))
-            low[grain] = place[1]
+            low[grain] = at[1]
     for grain, angle in ((0, 30.0), (1, 75.0)):
         assert len(came[grain]) >= 3
         assert came[grain] == pytest.approx(np.full(len(came[grain]), angle), abs=1e-6)
