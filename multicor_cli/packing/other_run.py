@@ -464,14 +464,18 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
 def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
     """Heat contents with the temperatures from which they count: T = T₀ + Q/C has the same bits.
 
-    Grains with another heat capacity have the same temperatures, and those that the scenario tells
-    a temperature begin anew, with Q = 0.
+    Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature
+    with Q = 0. Where grains expand, or come again as they came first, T₀ means more than where heat
+    counts from: with another capacity it stays, and Q = C (T − T₀).
     """
     before = source.model.thermal
     assert before is not None  # only then there is something to carry
     is_told = np.array([group.temperature is not None for group in scenario.particles])
     is_kept = ~is_told[source.model.grains.group]
     goes_on = is_kept & (thermal.capacity == before.capacity)
+    materials = (scenario.materials[group.material] for group in scenario.particles)
+    has_start = bool(source.model.expansion.any() or source.state.presence.size)
+    is_kept &= goes_on | (has_start or any(material.expansion for material in materials))
     other = source.state.heat / before.capacity * thermal.capacity
     state.heat = np.where(goes_on, source.state.heat, np.where(is_kept, other, 0.0))
     state.heat_ahead = np.where(goes_on, source.state.heat_ahead, 0.0)
