@@ -202,9 +202,11 @@ def _without_line(y: Floats, velocity: Floats, weight: Floats) -> Floats:
     share = weight / weight.sum()
     away = (y - (share * y).sum())[:, np.newaxis]
     share = share[:, np.newaxis]
-    slope = (share * away * velocity).sum(axis=0) / (share * away * away).sum()
-    mean = (share * velocity).sum(axis=0)
-    return np.asarray(velocity - mean - slope * away)
+    mean, moment = (share * velocity).sum(axis=0), float((share * away * away).sum())
+    if moment > 0.0:
+        slope = (share * away * velocity).sum(axis=0) / moment
+        mean = mean + slope * away
+    return np.asarray(velocity - mean)
 
 
 def _squares(ways: _Ways, start: int, end: int) -> Floats:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from multicor_cli.files import read_object
+from multicor_cli.model.cell import CELL
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.avalanches import EVENTS, avalanches
@@ -317,6 +318,9 @@ _OF_RUN = (
 )
 """Numbers that `multicor info` has beside those of the summary."""
 
+_OWNED = ": "
+"""Between the name of a wall or an outlet and that of its column of the time series."""
+
 _OPEN = ("books.", "timings.", "heat.", "exchange.")
 """Parts of info whose numbers depend on the run."""
 
@@ -329,7 +333,7 @@ def unknown(observables: Iterable[Observable]) -> Iterator[Refused]:
         if row.post is not None:
             names = SOURCES[row.post].names
             key, name, whose = "value", str(row.value), f"{row.post} has"
-        elif row.series is not None:
+        elif row.series is not None and _OWNED not in row.series:  # of which nobody knows here
             key, name, names, whose = "series", row.series, [*_COLUMNS], "the time series has"
         elif row.info is not None and not row.info.startswith(_OPEN):
             names = list(dict.fromkeys((*_OF_RUN, *_leaves("", empty_summary()))))
@@ -358,6 +362,7 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
     for number, row in enumerate(observables):
         place: KeyPath = ("observe", number)
         yield from _about_heat(row, place, scenario)
+        yield from _about_owner(row, place, scenario)
         if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
@@ -386,6 +391,15 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
                 yield Refused((*place, "post"), what, "use region or profile")
         if row.after is not None:
             yield from _after(row, place, scenario)
+
+
+def _about_owner(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
+    outlets = [outlet.name for outlet in scenario.outlets]
+    known = [CELL] if scenario.domain.is_cell else [wall.name for wall in scenario.walls] + outlets
+    owner = (row.series or "").rpartition(_OWNED)[0]
+    if owner and owner not in known:
+        what = f"the time series has no columns of {owner}"
+        yield Refused((*place, "series"), what, f"it has those of {', '.join(known) or 'nothing'}")
 
 
 def _about_heat(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
@@ -547,9 +561,13 @@ def _later_half(run: Any) -> float:
 
 def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
     """Mean of a column, weighted by the windows, with its error; see `multicor_cli.post.sums`."""
-    if name not in run.series:
-        raise Unobservable(f"the time series has no {name}; it has {', '.join(run.series)}")
-    column = np.asarray(run.series[name], float)
+    if _OWNED in name:
+        columns = {column.name: column.values for column in run.series_columns}
+    else:
+        columns = run.series
+    if name not in columns:
+        raise Unobservable(f"the time series has no {name}; it has {', '.join(columns)}")
+    column = np.asarray(columns[name], float)
     if column.ndim != 1:
         raise Unobservable(f"{name} of the time series has several columns for each row")
     time = np.asarray(run.series["time"])

@@ -272,11 +272,12 @@ def wall_gives(mobility: Floats, wall: int, nx: float, ny: float, lever: float) 
     return along + mobility[wall, SPIN] * (lever * lever)
 
 
-MOST_OF_IMPACT = 4.0
-"""Impulse of a contact over m u⁻ above which it is not that of an impact, which makes (1 + e) m u⁻.
+MOST_OF_IMPACT = 30.0
+"""Impulse of a contact over m u⁻ above which it is not that of an impact.
 
-Others press there, and the contact conducts as one that lasts: in a dense flow contacts close again
-at speeds that only rounding leaves."""
+An impact makes 1 + e, or 2 (1 + M/m) where a heavy grain hits a light one that others hold. Where
+it is more they press there, and the contact conducts as one that lasts: in a dense flow contacts
+close again at speeds that only rounding leaves."""
 
 
 @formula

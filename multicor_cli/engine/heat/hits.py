@@ -86,10 +86,10 @@ def hit(
     """Give points that are new in this step the conductance of an impact, spread over the step.
 
     Not where others press, as in `collide`. A place is hit once, at the mean of its points by
-    impulse, and they share the impact so:
-    impulses ``carried``, and in ``total`` by the place [N s]. Of places are a* [m] and the area
-    that is pressed [m²]; ``spin_factor`` is m σ²/I, ``mobility`` of walls as in `Moved`.
-    **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
+    impulse, and they share the impact so: impulses ``carried``, and in ``total`` by the place
+    [N s]. Of places are a* [m] and the area that is pressed [m²]; ``spin_factor`` is m σ²/I,
+    ``mobility`` of walls as in `Moved`. **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the
+    others.
     """
     count = key.size
     speed, turn, turn_too = np.zeros(count), np.zeros(count), np.zeros(count)

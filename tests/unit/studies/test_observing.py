@@ -4,6 +4,7 @@ run can have."""
 import json
 import math
 
+import numpy as np
 import pytest
 from command_line import call
 from scenes import RAIN, SMALL, WARM
@@ -73,6 +74,20 @@ def test_means_of_tables(table, line, keys, run):
     if table == "region":
         with pytest.raises(Unobservable, match="no temperature"):
             taken(run, post=table, value="temperature", **keys)
+
+
+def test_columns_of_walls(run):
+    """As `post series` names them: the mean of a window-weighted column."""
+    with multicor.open_run(run) as opened:
+        wall, series = opened.wall_names[-1], opened.series
+        rows = (series["time"] >= 0.02) & (series["window_duration"] > 0.0)
+        force = series["wall_force"][rows, len(opened.wall_names) - 1, 1]
+        mean = np.average(force, weights=series["window_duration"][rows])
+    row = observable(series=f"{wall}: force_y", after=LATE)
+    assert list(unknown([row])) == []
+    assert take_one(run, row, run_info(run)).value == pytest.approx(mean, rel=1e-12)
+    with pytest.raises(Unobservable, match="has no nobody: force_y"):
+        taken(run, series="nobody: force_y")
 
 
 def test_lifetimes(run):
@@ -265,6 +280,8 @@ def refuse_what_is_wrong(folder):
             "s.toml:8:1: observe.0.value: theta needs heat"),
         ('series = "heat_stored"', ("", ""),
             "s.toml:7:1: observe.0.series: heat_stored needs heat"),
+        ('series = "lid: force_y"', ("", ""),
+            "s.toml:7:1: observe.0.series: the time series has no columns of lid"),
         ('info = "heat.temperature.mean"', ("", ""), "heat.temperature.mean needs heat"),
         ('info = "solver.sweeps"', ("", ""), "did you mean 'solver.sweeps_mean'"),
         ('post = "rheology"\nvalue = "pressure"', BOXED,
