@@ -36,7 +36,6 @@ from multicor_cli.running.outcome import (
 from multicor_cli.running.plan import RunPlan, begin_stage
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
-from multicor_cli.scenario.load import apply_overrides
 from multicor_cli.scenario.problems import Refused, ScenarioError, format_key, show
 from multicor_cli.scenario.scenario import Scenario, parse_scenario
 from multicor_cli.store import (
@@ -359,8 +358,7 @@ def _as_begun(scenario: Scenario, before: str, seed: int) -> Scenario:
     """The scenario with what the run has of its own: defaults of the version that began it, groups
     that it took from another run, whatever became of that, and the seed that it drew by chance.
     """
-    given = tomllib.loads(scenario.sources.text)  # no defaults
-    apply_overrides(given, scenario.sources.overrides)
+    given = scenario.given
     if former := former_defaults(before, scenario.resolved_toml(), given):
         scenario = scenario.with_overrides(former)
     if scenario.start is not None and "particles" not in given:

@@ -109,11 +109,11 @@ class Scenario(ScenarioModel):
         return int(self.scenario.seed)
 
     @property
-    def has_drawn_seed(self) -> bool:
-        """Whether the file says ``"random"``."""
-        given = tomllib.loads(self.sources.text)
-        apply_overrides(given, self.sources.overrides)
-        return bool(given["scenario"]["seed"] == "random")
+    def given(self) -> dict[str, Any]:
+        """The tables as the file says them, with changes, but neither defaults nor evaluated."""
+        tables = tomllib.loads(self.sources.text)
+        apply_overrides(tables, self.sources.overrides)
+        return tables
 
     @property
     def variables(self) -> dict[str, float]:

@@ -193,7 +193,7 @@ class Case:
 def expand(study: Study) -> list[Case]:
     """All cases, none looked at yet; raises `ScenarioError` if scenario or values are wrong."""
     base = load_scenario(study.scenario, study.fixed)
-    if base.has_drawn_seed:
+    if base.given["scenario"]["seed"] == "random":
         what = "the scenario draws its seed by chance: every look at the study would be at another"
         remedy = 'give it a number, as [set] "scenario.seed" = 1'
         raise study.refuse(Refused(("study", "scenario"), what, remedy))
