@@ -113,8 +113,11 @@ def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
 def _drawn(sample: Sampled, ranges: Mapping[str, Range]) -> list[Values]:
     """Points of the box that the ranges span; on a logarithmic range logarithms are drawn."""
     qmc = library("scipy.stats").qmc
-    kind = qmc.LatinHypercube if sample.kind == "latin-hypercube" else qmc.Sobol
-    points = kind(d=len(ranges), rng=sample.seed).random(sample.count)
+    if sample.kind == "latin-hypercube":
+        points = qmc.LatinHypercube(d=len(ranges), rng=sample.seed).random(sample.count)
+    else:  # the first of as many as SciPy asks for, a power of two: it warns of other numbers
+        drawn = qmc.Sobol(d=len(ranges), rng=sample.seed)
+        points = drawn.random_base2((sample.count - 1).bit_length())[: sample.count]
     return [
         {key: _between(ranges[key], share) for key, share in zip(ranges, point, strict=True)}
         for point in points.tolist()
@@ -146,6 +149,9 @@ def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
     if len(lines) < 2:
         remedy = "let the first line name the keys, and each further one give their values"
         raise bad(f"'{name}' has no rows", remedy)
+    if len(lines[0]) == 1 and ";" in lines[0][0]:
+        what = f"'{name}' has semicolons between its keys"
+        raise bad(what, "put commas between them and between values, and points in numbers")
     keys = [title.strip() for title in lines[0]]
     for key in keys:
         if not key or key in OPTIONS or key in taken or keys.count(key) > 1:
@@ -219,7 +225,8 @@ def expand(study: Study) -> list[Case]:
         for values in combinations
         for seed in seeds
     ]
-    if len({json.dumps(row) for row in rows}) < len(rows):
+    # 1 and 1.0 are one value, 1 and true are two
+    if len({tuple((isinstance(v, bool), v) for v in row.values()) for row in rows}) < len(rows):
         what = "a combination of values comes twice"
         raise study.refuse(Refused(("vary",), what, "give each value once"))
     return _named(rows)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from multicor_cli.files import read_object
+from multicor_cli.model.books import BOOK_NAMES, NAMES
 from multicor_cli.model.cell import CELL
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
@@ -305,6 +306,7 @@ SOURCES: dict[str, Source] = {
 
 # ---- Which observables of a study no run of it can have: found before the first one starts
 
+_BOOKS = (*BOOK_NAMES, *NAMES["adhesion_books"], *NAMES["growth_books"])
 _COLUMNS = {spec.path.removeprefix("series/"): spec for spec in SERIES if len(spec.dims) == 1}
 _OF_RUN = (
     "grain_count",
@@ -318,10 +320,17 @@ _OF_RUN = (
 )
 """Numbers that `multicor info` has beside those of the summary."""
 
+_OF_CONTACTS = (
+    "fabric", "lifetimes", "chains", "clusters", "heat-network", "wall-heat", "hot-spots",
+    "forces",
+)  # fmt: skip
+_MAPS_OF_CONTACTS = ("heat-flux", "coordination", "force", "stress")
+"""Tables and maps that frames without contacts do not have."""
+
 _OWNED = ": "
 """Between the name of a wall or an outlet and that of its column of the time series."""
 
-_OPEN = ("books.", "timings.", "heat.", "exchange.")
+_OPEN = ("timings.", "heat.", "exchange.")
 """Parts of info whose numbers depend on the run."""
 
 
@@ -336,7 +345,8 @@ def unknown(observables: Iterable[Observable]) -> Iterator[Refused]:
         elif row.series is not None and _OWNED not in row.series:  # of which nobody knows here
             key, name, names, whose = "series", row.series, [*_COLUMNS], "the time series has"
         elif row.info is not None and not row.info.startswith(_OPEN):
-            names = list(dict.fromkeys((*_OF_RUN, *_leaves("", empty_summary()))))
+            known_books = (f"books.{name}" for name in _BOOKS)
+            names = list(dict.fromkeys((*_OF_RUN, *_leaves("", empty_summary()), *known_books)))
             key, name, whose = "info", row.info, "info has"
         else:
             continue
@@ -347,6 +357,9 @@ def unknown(observables: Iterable[Observable]) -> Iterator[Refused]:
         if row.post is not None and row.after is not None and SOURCES[row.post].is_of_one_frame:
             what = f"{row.post} is about the end of a run, no mean"
             yield Refused((*place, "after"), what, "leave after out")
+        if row.post == "theta-eta" and not 0.0 <= (row.at or 0.0) <= 1.0:
+            what = f"η goes from 0 at the lower wall to 1, at is {row.at:g}"
+            yield Refused((*place, "at"), what, "give at as a share of the height")
 
 
 def _leaves(prefix: str, node: Mapping[str, Any]) -> Iterator[str]:
@@ -366,6 +379,7 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
         if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
+        yield from _about_contacts(row, place, scenario)
         is_cell = scenario.domain.is_cell
         if row.post == "residence" and not scenario.is_open:
             what = "no grain comes or goes in this scenario"
@@ -433,6 +447,18 @@ def _is_of_heat(row: Observable) -> bool:
     if row.info is not None:
         return row.info.startswith("heat")
     return row.post is not None and row.value in SOURCES[row.post].of_heat
+
+
+def _about_contacts(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
+    if row.post == "profile":
+        reads = row.value in QUANTITIES and QUANTITIES[row.value].needs_contacts
+    elif row.post == "conductivity":
+        reads = row.value not in (_OF_FLUX if scenario.domain.is_cell else _THROUGH_LAYER)
+    else:
+        reads = row.post in _OF_CONTACTS or (row.post == "map" and row.value in _MAPS_OF_CONTACTS)
+    if reads and not scenario.output.contacts:
+        what = f"{row.value} of {row.post} needs the contacts of frames"
+        yield Refused((*place, "value"), what, "set contacts = true in [output]")
 
 
 def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,8 @@ MAX_CASES = 100_000
 
 
 def _check_scalar(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise Refused((), f"is {value}", "give a finite number")
     if isinstance(value, bool | int | float | str):
         return value
     what = "is a table" if isinstance(value, dict) else "is an array"

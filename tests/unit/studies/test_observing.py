@@ -3,18 +3,21 @@ run can have."""
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 from command_line import call
-from scenes import RAIN, SMALL, WARM
+from scenes import RAIN, SMALL, WARM, changed
 
 import multicor_cli as multicor
 from multicor_cli.post import grain_map
+from multicor_cli.post.source import PostError
+from multicor_cli.scenario import load_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import run_info
 from multicor_cli.studies.axes import expand
-from multicor_cli.studies.observing import SOURCES, Unobservable, take_one, unknown
+from multicor_cli.studies.observing import SOURCES, Unobservable, missing, take_one, unknown
 from multicor_cli.studies.session import check_cases
 from multicor_cli.studies.study_file import Observable, load_study
 
@@ -251,6 +254,36 @@ def test_every_number_of_info_is_known(run):
     assert [finding.what for finding in unknown(rows)] == []
 
 
+KEYS = {
+    "profile": {"at": 0.005}, "theta-eta": {"at": 0.5}, "avalanches": {"column": "kinetic"},
+    "region": {"inside": BOX},
+}  # fmt: skip
+NOT_RECORDED = re.compile(r"contacts.* were not recorded|these frames have no contacts")
+
+
+def test_what_frames_without_contacts_lack_is_known_before(tmp_path):
+    """Of every number of every table: refused before the run where it fails after it."""
+    text = changed(
+        SMALL, ("poisson = 0.22", "poisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0"),
+        ('side = "right" }', 'side = "right" }\nthermal = { temperature = 310.0 }'),
+        ("[solver]", "[heat]\n[solver]"), ("[output]", "[output]\ncontacts = false"),
+    )  # fmt: skip
+    run, scenario = computed(tmp_path, text), load_scenario(tmp_path / "a.toml")
+    for table, source in SOURCES.items():
+        keys = KEYS.get(table, {}) | ({} if source.is_of_one_frame else {"after": {"time": 0.0}})
+        for name in source.names:
+            row = observable(post=table, value=name, **keys)
+            found = [finding.what for finding in missing([row], scenario)]
+            is_refused = any("needs the contacts of frames" in what for what in found)
+            try:
+                take_one(run, row, run_info(run))
+                fails = False
+            except (PostError, Unobservable) as error:
+                fails = NOT_RECORDED.search(str(error)) is not None
+            # (other reasons may be told instead of this one, or beside it)
+            assert found if fails else not is_refused or len(found) > 1, (table, name)
+
+
 STUDY = """\
 [study]
 name = "s"
@@ -261,6 +294,7 @@ name = "x"
 {}
 """
 BOXED = ("periodic = true", "periodic = false")
+CONTACTLESS = ("[solver]", "[output]\ncontacts = false\n[solver]")
 SHORT = ('[[loading]]\nname = "on"\nduration = 0.004\n', "")
 
 
@@ -284,6 +318,13 @@ def refuse_what_is_wrong(folder):
             "s.toml:7:1: observe.0.series: the time series has no columns of lid"),
         ('info = "heat.temperature.mean"', ("", ""), "heat.temperature.mean needs heat"),
         ('info = "solver.sweeps"', ("", ""), "did you mean 'solver.sweeps_mean'"),
+        ('info = "books.wall_wrok"', ("", ""), "did you mean 'books.wall_work'"),
+        ('post = "theta-eta"\nvalue = "theta"\nat = 3.0', ("", ""),
+            "s.toml:9:1: observe.0.at: η goes from 0 at the lower wall to 1, at is 3"),
+        ('post = "fabric"\nvalue = "a_c"', CONTACTLESS,
+            "s.toml:8:1: observe.0.value: a_c of fabric needs the contacts of frames"),
+        ('post = "profile"\nvalue = "stress-xy"\nat = 0.001', CONTACTLESS,
+            "stress-xy of profile needs the contacts of frames"),
         ('post = "rheology"\nvalue = "pressure"', BOXED,
             "rheology needs a domain that is periodic"),
         ('post = "conductivity"\nvalue = "square_xx"', ("", ""), "square_xx needs heat"),
