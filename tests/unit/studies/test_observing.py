@@ -294,7 +294,7 @@ name = "x"
 {}
 """
 BOXED = ("periodic = true", "periodic = false")
-CONTACTLESS = ("[solver]", "[output]\ncontacts = false\n[solver]")
+CONTACTLESS = ("[output]", "[output]\ncontacts = false")
 SHORT = ('[[loading]]\nname = "on"\nduration = 0.004\n', "")
 
 
