@@ -24,6 +24,7 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import Model
 from multicor_cli.model.state import State
 from multicor_cli.packing import build
+from multicor_cli.running.time_step import Scales
 from multicor_cli.scenario import parse_scenario
 
 COUNT, KAPPA, RESTITUTIONS, SHARES = 900, 1e4, (0.1, 0.02), (1.0, 0.5)
@@ -84,7 +85,7 @@ def main() -> int:
             found.append(
                 [
                     *(_of_lammps(program, model, state, friction, rate, e) for e in RESTITUTIONS),
-                    *(_of_multicor(model, state, rate, share) for share in SHARES),
+                    *(_of_multicor(model, state, friction, rate, share) for share in SHARES),
                 ]
             )
         mean = np.mean(found, axis=0)
@@ -136,10 +137,10 @@ def _numbers(stress: np.ndarray, rate: float) -> Found:
     return rate / math.sqrt(stress[1]), abs(stress[2]) / stress[1]
 
 
-def _of_multicor(model: Model, start: State, rate: float, share: float) -> Found:
+def _of_multicor(model: Model, start: State, friction: float, rate: float, share: float) -> Found:
     state = State.from_dict({name: np.array(value) for name, value in start.as_dict().items()})
     drives = DofDrive(), DofDrive(), _rate(rate)
-    dt = share * min(0.1, 0.005 / rate)
+    dt = share * Scales(1.0, 1.0 / rate, math.inf, friction).limit
     _flow(model, state, drives, 3.0 / rate, dt)
     return _numbers(_flow(model, state, drives, 10.0 / rate, dt), rate)
 
