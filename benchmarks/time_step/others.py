@@ -1,5 +1,5 @@
-"""What the automatic step keeps of other flows than plane shear of discs ± 20 %: of a mixture, a
-chute, a collapse and a drum. ``python benchmarks/time_step/others.py``.
+"""What the automatic step keeps of flows: of plane shear at other frictions and speeds and of a
+mixture, a chute, a collapse and a drum. ``python benchmarks/time_step/others.py``.
 
 Each runs with the automatic step, *normal*, and with a quarter of it, at the default tolerances.
 """
@@ -7,6 +7,7 @@ Each runs with the automatic step, *normal*, and with a quarter of it, at the de
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,7 @@ from multicor_cli.store import Run
 CONFIGS = Path(__file__).parents[2] / "configs"
 ACCURACIES = 1.0, 0.25
 AUTOMATIC = 'solver.dt="auto"'
+_UNSAFE = re.compile(r"[^A-Za-z0-9.]+")
 
 
 class Flow(NamedTuple):
@@ -82,7 +84,19 @@ _MIXTURE = (
     'particles.0.sizes={kind="list",radii=[0.25e-3,0.5e-3,0.75e-3],by="mass"}',
     "particles.0.count=2207",  # whose area is that of the shipped ones
 )
+_SHEARS = (0.5, 0.1), (0.6, 0.1), (0.8, 0.1), (0.5, 0.03), (0.8, 0.03)
+"""μ, I."""
+
 FLOWS = {
+    **{
+        f"shear, μ = {friction}, I = {inertial}": Flow(
+            "shear-gravity-free",
+            (f"contacts.0.friction={friction}", f"variables.I={inertial}"),
+            ("μ*", "ν"),
+            _sheared,
+        )
+        for friction, inertial in _SHEARS
+    },
     "shear, 1-2-3 mixture": Flow("shear-gravity-free", _MIXTURE, ("μ*", "ν"), _sheared),
     "chute, 24°": Flow("chute", (), ("v/√(g d̄)", "height of the center/d̄"), _chute),
     "collapse": Flow("column-collapse", (), ("center x [mm]", "center y [mm]"), _center),
@@ -94,7 +108,7 @@ def main() -> int:
     """Run what is missing and print the table; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python benchmarks/time_step/others.py",
-        description="What the automatic step keeps of flows other than plane shear.",
+        description="What the automatic step keeps of flows.",
     )
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--flows", nargs="+", choices=FLOWS, default=list(FLOWS))
@@ -103,7 +117,10 @@ def main() -> int:
     for name in options.flows:
         flow = FLOWS[name]
         found = [
-            [_measured(flow, accuracy, seed, options.runs) for seed in options.seeds]
+            [
+                _measured(flow, accuracy, seed, options.runs / _UNSAFE.sub("-", name))
+                for seed in options.seeds
+            ]
             for accuracy in ACCURACIES
         ]
         mean = np.mean(found, axis=1)
@@ -120,9 +137,9 @@ def main() -> int:
 
 
 def _measured(flow: Flow, accuracy: float, seed: int, runs: Path) -> tuple[float, ...]:
-    directory = runs / f"{flow.config}-{len(flow.overrides)}-{accuracy:g}-{seed}"
+    directory = runs / f"{accuracy:g}-{seed}"
     if not directory.exists():
-        print(directory.name, file=sys.stderr, flush=True)
+        print(directory, file=sys.stderr, flush=True)
         changes = [AUTOMATIC, f"solver.accuracy={accuracy}", f"scenario.seed={seed}"]
         scenario = load_scenario(
             CONFIGS / f"{flow.config}.toml", overrides=[*flow.overrides, *changes]
