@@ -214,7 +214,9 @@ def test_an_accuracy_of_fixed_steps_is_refused(where):
 
 def test_friction_between_grains_shortens_the_step():
     assert Scales(1.0, np.inf, np.inf, 0.3).limit == PRESSURE
-    assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(PRESSURE / 4.0)
+    assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(
+        PRESSURE / 2**2.5
+    )
     assert Scales(np.inf, 1.0, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(STRAIN / 2**1.5)
     assert Scales(np.inf, np.inf, 1.0, 2.0 * HIGH_FRICTION).limit == TRAVEL
     table = "{ speed = [0.0, 1.0], values = [0.6, 0.2] }"
