@@ -109,7 +109,7 @@ def _begin(
     elif flying.size:
         left = call(
             leave_flights_out, kernels,
-            (scene, flying, is_free, i, j, lane, s.frame, before, contacts),
+            (scene, flying, is_free, i, j, lane, s.frame, before, contacts, free),
         )  # fmt: skip
     result[_IS_SOLVED] = left > 0 and (is_loaded or moves)
     if not result[_IS_SOLVED]:
@@ -254,7 +254,7 @@ class PlainSteps:
             nobody = np.zeros(layout.model.grain_count, np.bool_)
             leave_flights_out(
                 scene, nobody, motion.is_free, *pairs, lanes.lane, lanes.frame, lanes.before,
-                contacts,
+                contacts, layout.free,
             )  # fmt: skip
             enter_impacts(
                 scene, _NO_IMPACTS, *pairs, layout.free, lanes.lane, lanes.frame, lanes.impulse,

@@ -204,7 +204,7 @@ class StepContacts:
         if step.flight is not None:
             left = leave_flights_out(
                 scene, step.flight.flying, self.motion.is_free, i, j, lanes.lane, lanes.frame,
-                lanes.before, contacts,
+                lanes.before, contacts, layout.free,
             )  # fmt: skip
             speeds.append(step.flight.speeds)
             is_solved = left > 0

@@ -42,7 +42,7 @@ STRAIN = 0.005
 """Largest strain in a step, γ̇ Δt."""
 
 HIGH_FRICTION = 0.5
-"""Coefficient of friction above which these two fall, as its powers -5/2 and -3/2."""
+"""Coefficient of friction above which these two fall, as its powers -5/2 and -2."""
 
 ADHESION = 0.1
 """Largest Δt over the time √(2 m ℓ/F_a) in which adhesion carries a grain across its range."""
@@ -212,11 +212,11 @@ class Scales:
         Motion and periods are not followed worse for more errors, only better for fewer.
         """
         excess = max(1.0, self.friction / HIGH_FRICTION)
-        power_of_strain = excess * math.sqrt(excess)
+        square = excess * excess
         errors, at_most = self.errors, min(1.0, self.errors)
         return {
-            "the pressure": errors * PRESSURE / (excess * power_of_strain) * self.pressure,
-            f"the strain of {self.strained_by}": errors * STRAIN / power_of_strain * self.strain,
+            "the pressure": errors * PRESSURE / (square * math.sqrt(excess)) * self.pressure,
+            f"the strain of {self.strained_by}": errors * STRAIN / square * self.strain,
             self.fastest: at_most * TRAVEL * self.travel,
             f"the period of {self.cycle}": at_most * PERIOD * self.period,
             f"{OSCILLATIONS:g} periods of {self.heat_cycle}": OSCILLATIONS * self.heat,

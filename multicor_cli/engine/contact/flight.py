@@ -37,6 +37,8 @@ from multicor_cli.model.columns import (
     FIRST,
     INVERSE_MASS,
     NORMAL,
+    NX,
+    NY,
     SECOND,
     SURFACE,
     X,
@@ -46,6 +48,9 @@ from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 MOST = 64
 """Impacts of a grain in a step; one that has more of them has come to rest on something."""
+
+_ROUNDING = 1e-12
+"""Of their speeds, what grains in flight may approach by beyond what they do by themselves."""
 
 SOLVED = 1.5
 """Steps within which a contact in the solve closes: from half a step before q_m to one after it."""
@@ -482,12 +487,14 @@ def fly(
 @kernel
 def leave_flights_out(
     scene: Scene, flying: NDArray[np.bool_], is_free: NDArray[np.bool_], i: Ints, j: Ints,
-    lane: Ints, frame: Floats, before: Floats, contacts: Contacts,
+    lane: Ints, frame: Floats, before: Floats, contacts: Contacts, free: Floats,
 ) -> int:  # fmt: skip
     """Take contacts out of the solve whose grains fly: only what does not may push into them.
 
     A grain in flight that leaves another may come back as fast and no faster: its next impact is
-    one of the next step. (Held apart they would gain energy, p·½(u⁻ + u⁺) > 0.)
+    one of the next step. (Held apart they would gain energy, p·½(u⁻ + u⁺) > 0.) Nor may the solve
+    brake what the step itself does to the two, as gravity, with which a ball comes down faster than
+    it went up: with the velocities ``free`` of all bodies the contact bears nothing.
 
     Returns how many contacts are left. Arrays of a `Schedule`; ``frame`` and ``contacts`` are
     **modified**.
@@ -502,7 +509,14 @@ def leave_flights_out(
         u_n = before[q, NORMAL, k] if is_grain else contacts[c].u_n
         flies = flying[j[c]] if is_grain else not is_free[scene.wall[j[c] - count]]
         if flying[i[c]] and flies:
-            u_n = abs(u_n)
+            body = j[c] if is_grain else count + scene.wall[j[c] - count]
+            nx = frame[q, NX, k] if is_grain else contacts[c].nx
+            ny = frame[q, NY, k] if is_grain else contacts[c].ny
+            gap = known_geometry(scene, i[c], j[c])[0]
+            closing = -normal_velocity(scene, free, i[c], j[c], nx, ny, gap)
+            own = abs(free[i[c], X]) + abs(free[i[c], Y])
+            other = abs(free[body, X]) + abs(free[body, Y])
+            u_n = max(abs(u_n), closing) + _ROUNDING * (own + other)
         else:
             left += 1
         if is_grain:

@@ -217,7 +217,7 @@ def test_friction_between_grains_shortens_the_step():
     assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(
         PRESSURE / 2**2.5
     )
-    assert Scales(np.inf, 1.0, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(STRAIN / 2**1.5)
+    assert Scales(np.inf, 1.0, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(STRAIN / 4.0)
     assert Scales(np.inf, np.inf, 1.0, 2.0 * HIGH_FRICTION).limit == TRAVEL
     table = "{ speed = [0.0, 1.0], values = [0.6, 0.2] }"
     for friction, largest in (("0.7", 0.7), (table, 0.6)):
