@@ -99,6 +99,27 @@ def test_a_ball_rises_to_what_restitution_leaves(restitution):
         assert heights == pytest.approx([restitution ** (2 * k) for k in (1, 2, 3)], rel=1e-9)
 
 
+@pytest.mark.parametrize("dt", [1e-2, 2.5e-3])
+def test_what_rests_far_away_changes_no_flight(dt):
+    """Balls that bounce and pairs that meet high above the floor, with a disc on it in the solve."""
+    rng = np.random.default_rng(1)
+    balls = np.column_stack([3.0 * np.arange(20.0), rng.uniform(0.3, 2.0, 20)])
+    first = np.column_stack([100.0 + 3.0 * np.arange(20.0), rng.uniform(20.0, 30.0, 20)])
+    way = rng.normal(size=(20, 2))
+    way *= rng.uniform(0.22, 0.4, (20, 1)) / np.hypot(*way.T)[:, None]
+    places = np.concatenate([balls, first, first + way, [[-10.0, 0.1]]])
+    velocities = np.zeros((61, 3))
+    velocities[20:40, :2], velocities[40:60, :2] = 3.0 * way, -2.0 * way
+    ends = []
+    for count in (60, 61):
+        model = make_model(np.full(count, 0.1), FLOOR, friction=0.3, restitution=0.9)
+        engine = make_engine(model, places[:count], velocities[:count])
+        ends.append(advance(engine, dt, round(1.0 / dt)).position[:60])
+    assert (ends[0] == ends[1]).all()
+    ways = ends[0][20:60, :2] - places[20:60] - velocities[20:60, :2]
+    assert (np.abs(ways[:, 0]) > 1e-2).all()  # all pairs have met
+
+
 def test_a_stack_without_losses_keeps_what_hits_it():
     """Two discs that stand on each other, and one that is dropped on them: twenty impacts."""
     places = [[0.5, 0.01], [0.5, 0.03], [0.5, 0.3]]
