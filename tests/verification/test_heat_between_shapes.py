@@ -379,6 +379,18 @@ def test_clumps_see_as_what_encloses_them():
     assert found[0] == pytest.approx(found[1], rel=1e-12)
     one_in_one = [(regular(4, 1.0), 0.1), (0.5 * regular(4, 1.0), 0.05)]
     assert view([one_in_one, disc(1.0)], [[0, 0, 0.2], [2.5, 1.0, 0]]) == pytest.approx(found[1])
+    flush = [(np.array([[0.0, 0.0], [0.0, 3.0]]), 0.5), (np.array([[-0.5, 3.0]]), 1.0)]
+    mirrored = [(corners * [-1.0, 1.0], r) for corners, r in flush]
+    _, centers, _ = outlines_of([flush, mirrored])
+    place = np.array([3.0, 1.0])
+    found = [
+        view([shape, disc(1.0)], [[*center, 0.0], [*(place * side), 0.0]])
+        for shape, center, side in (
+            (flush, centers[0], [1.0, 1.0]), (flush[::-1], centers[0], [1.0, 1.0]),
+            (mirrored, centers[1], [-1.0, 1.0]),
+        )
+    ]  # fmt: skip
+    assert found == pytest.approx([found[2]] * 3, rel=1e-12)
 
 
 def test_a_wall_is_seen_as_a_copy_of_the_grain_behind_it():

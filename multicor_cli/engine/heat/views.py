@@ -74,8 +74,28 @@ def hulls_of(pieces: Pieces, radius: Floats) -> Hulls:
                 disc[at, X] = pieces.corner[v, X] / radius[k]
                 disc[at, Y] = pieces.corner[v, Y] / radius[k]
                 disc[at, _ROUND] = pieces.rounding[p] / radius[k]
-        start[k + 1] = start[k] + _wrap(disc, found[start[k] :])
+        start[k + 1] = start[k] + _wrap(disc[: _leave_out_inner(disc)], found[start[k] :])
     return Hulls(start, found[: start[-1]].copy())
+
+
+@subroutine
+def _leave_out_inner(disc: Floats) -> int:
+    """Move to the front the discs (x, y, radius) that lie in no other, of equal ones the last, in
+    their order; returns how many they are.
+    """
+    kept = 0
+    for k in range(len(disc)):
+        is_within = False
+        for m in range(len(disc)):
+            if kept <= m <= k:
+                continue  # left out before, or the disc itself
+            x, y = disc[k, X] - disc[m, X], disc[k, Y] - disc[m, Y]
+            is_within |= sqrt(x * x + y * y) <= disc[m, _ROUND] - disc[k, _ROUND] + _EQUAL
+        if not is_within:
+            for column in range(3):
+                disc[kept, column] = disc[k, column]
+            kept += 1
+    return kept
 
 
 @subroutine
