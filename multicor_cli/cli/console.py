@@ -40,6 +40,10 @@ def emit_json(data: Any) -> None:
     print(json.dumps(json_value(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
+_WIDEST = 100_000
+"""Columns of letters of the widest table."""
+
+
 def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on stdout; numbers belong into right-aligned columns, so all but the first are."""
     from rich.box import SIMPLE_HEAD
@@ -52,8 +56,11 @@ def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
         table.add_row(*(Text(brief(printable(cell))) for cell in row))
-    is_terminal = sys.stdout.isatty()
-    Console(file=sys.stdout, width=None if is_terminal else 200, highlight=False).print(table)
+    console = Console(file=sys.stdout, highlight=False)
+    # As wide as it is: a terminal wraps what rich would leave out
+    options = console.options.update(max_width=_WIDEST)
+    console.width = max(console.width, console.measure(table, options=options).maximum)
+    console.print(table)
 
 
 def emit_pairs(pairs: Iterable[tuple[str, str]]) -> None:

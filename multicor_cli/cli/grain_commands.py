@@ -46,6 +46,7 @@ def diffusion(
     Errors are those over lags that begin at different frames.
     """
     from multicor_cli import post
+    from multicor_cli.post.mean_heat import FORGOTTEN
 
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
@@ -58,6 +59,12 @@ def diffusion(
         for name, unit in units.items():
             known = f"{error / unit:.2g}" if error >= 0.0 else "–"
             about += f" = {value / unit:.4g} ± {known} {name}"
+    strain = float(table.counted_from * table.strain[0])
+    if table.shear_rate > 0.0 and strain < FORGOTTEN * (1.0 - 1e-9):
+        about += (
+            f"\ncounted from a strain of {strain:.2g}, not of {FORGOTTEN:g}, in which grains "
+            "forget how they moved: choose more frames"
+        )
     return Shown(table, about, directory, is_detailed=False)
 
 
@@ -347,7 +354,11 @@ def lifetimes(
     about = _about_bulk(table)
     for kind, name in zip(("all", "strong", "sliding"), post.LIFETIMES, strict=True):
         value, error = getattr(table, name), getattr(table, f"{name}_error")
-        about += f"\nmean lifetime, {kind} contacts: {with_error(value, error)} s"
+        about += f"\nmean lifetime, {kind} contacts: "
+        if not math.isfinite(value):
+            about += "– (none ends, or none lives from one frame to the next)"
+            continue
+        about += f"{with_error(value, error)} s"
         if table.shear_rate > 0.0:
             about += f", {value * table.shear_rate:.3g} in strain"
     return Shown(table, about, directory, is_detailed=False)

@@ -139,7 +139,8 @@ def _dry_run(scenario: Scenario, threads: int) -> None:
 
     console.say("placing the grains")
     model, state = build(scenario)
-    counts = f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}"
+    walls = "1 cell" if model.is_cell else count_noun(model.wall_count, "wall")
+    counts = f"{count_noun(model.grain_count, 'grain')}, {walls}"
     console.say(f"{counts}; compiling and doing one step")
     started = time.monotonic()
     report = try_step(scenario, model, state, threads)

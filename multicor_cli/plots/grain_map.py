@@ -323,10 +323,15 @@ def add_color_bar(
     axes: Any, drawn: Any, scene: GrainScene, field: Quantity, extend: str, note: str = ""
 ) -> None:
     """A color bar with its label, and a note behind it, below a wide scene or beside a tall one."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import MaxNLocator
+
     direction = "horizontal" if is_wide(scene) else "vertical"
     bar = axes.figure.colorbar(
         drawn, cax=axes, extend=extend, extendfrac=0.03, orientation=direction
     )
+    if direction == "horizontal" and not isinstance(drawn.norm, LogNorm):
+        bar.locator = MaxNLocator(5)  # long labels lie side by side
     ends = np.array([drawn.norm.vmin, drawn.norm.vmax])
     if not count_small_rises(bar.long_axis, field.label, field.symbol, field.unit, ends):
         bar.set_label(axis_label(field.label, field.symbol, field.unit))

@@ -47,7 +47,8 @@ _SHORT = {
     "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic",
     "heat_friction": "friction",
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
-    "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls",
+    "heat_from_surroundings": "surroundings", "heat_along_gradient": "gradient",
+    "heat_to_walls": "into walls",
     "heat_stored": "stored", "heat_ahead": "ahead",
     "kinetic_in": "grains in", "kinetic_out": "grains out", "heat_out": "grains out",
 }  # fmt: skip
@@ -58,7 +59,8 @@ COLOR_OF = {
     "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4],
     "heat_friction": COLORS[1],
     "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
-    "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": COLORS[4],
+    "heat_from_surroundings": "#882255", "heat_along_gradient": "#88ccee", "heat_to_walls": "0.5",
+    "heat_stored": COLORS[4],
     "heat_ahead": "#44aa99",
     "kinetic_in": "#117733", "kinetic_out": "#999933", "heat_out": "#999933",
 }  # fmt: skip

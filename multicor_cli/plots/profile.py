@@ -222,7 +222,7 @@ def draw_diffusion(axes: Any, table: Diffusion) -> None:
     for axis, color, marker, diffusivity in zip("xy", COLORS, "os", table.diffusion, strict=False):
         mean, error = (getattr(table, f"{of}_{axis}") / square for of in ("msd", "error"))
         style |= {"names": (f"along ${axis}$", "", ""), "color": color}
-        draw_with_errors(axes, mean, lag, error, marker, **style)
+        draw_with_errors(axes, mean, lag, error, marker, is_alone=False, **style)
         straight = 2.0 * diffusivity * table.lag / square
         far = table.lag >= table.lag[-1] / 3.0
         straight += (mean - straight)[far].mean()

@@ -87,12 +87,14 @@ def draw_with_errors(
     *,
     names: tuple[str, str, str] = ("", "", ""),
     is_upright: bool = True,
+    is_alone: bool = True,
     **style: Any,
 ) -> None:
     """Draw means over the height, or from left to right, shaded as far as their standard errors.
 
     The shade is a band, or a box about each value if some errors are not known: a band would fall
-    into islands. Markers of those are hollow. ``names`` are what the legend calls means, errors and
+    into islands. Markers of those are hollow, and all of a series of which no error is known beside
+    others, where it is not ``is_alone``. ``names`` are what the legend calls means, errors and
     means without error; empty: nothing.
     """
     mean, shaded, unknown = (name or None for name in names)
@@ -110,7 +112,7 @@ def draw_with_errors(
         (axes.barh if is_upright else axes.bar)(*box, align="edge", **shade)
         axes.use_sticky_edges = False  # boxes have room around them as bands do
     axes.plot(x, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
-    if known.any() and not known.all():
+    if not known.all() and (known.any() or not is_alone):
         axes.plot(x[~known], y[~known], marker, label=unknown, **{**style, **HOLLOW})
 
 
@@ -143,6 +145,10 @@ _FEW_DECADES = 110.0
 """Ends of a logarithmic axis over each other up to which there is room for labels at 1, 2, 5 …"""
 
 
+_FEW_TIMES = 5.0
+"""The same up to which labels stand at even distances."""
+
+
 class PlotError(Exception):
     """A figure cannot be made: one message for the user."""
 
@@ -168,12 +174,13 @@ def label_sparsely(axis: Any) -> None:
     """Label a logarithmic axis by plain numbers: at 1, 2, 5 … over a decade or two, else at decades
     only, so that none lies over the next.
     """
-    from matplotlib.ticker import FuncFormatter, LogLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
     low, high = getattr(axis.axes, f"get_{axis.axis_name}lim")()
     axis.set_minor_formatter("")
     if high <= _FEW_DECADES * low:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        is_narrow = high <= _FEW_TIMES * low  # in which 1, 2, 5 … may be one, or none
+        axis.set_major_locator(MaxNLocator(4) if is_narrow else LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 

@@ -16,6 +16,7 @@ from multicor_cli.plots.style import (
     HOLLOW,
     PAGE,
     TITLE,
+    PlotError,
     Renderer,
     Terminal,
     TextLine,
@@ -194,8 +195,13 @@ def draw_lifetimes(axes: Any, table: Lifetimes) -> None:
         axes.plot(at[~known], share[~known], marker, **style | HOLLOW)
         band: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
         axes.fill_between(at, np.maximum(share - error, 0.1 * share), share + error, **band)
-    explain_errors(axes, errors or [lag * np.nan])
+    if not errors:
+        raise PlotError(
+            "no contact lives from one frame to the next: choose frames closer together"
+        )
+    explain_errors(axes, errors)
     axes.set_yscale("log")
+    axes.locator_params(axis="x", nbins=5)
     axes.set(xlim=(0.0, None), ylim=(0.7 * max(lowest, _LEAST_SHARE), 1.2))
     axes.set_xlabel(r"strain $\dot\gamma \tau$ in the lag [–]" if is_sheared else r"lag $\tau$ [s]")
     axes.set_ylabel(r"share of contacts $C(\tau)$ [–]")

@@ -124,7 +124,8 @@ def mixing(
         last = last if np.isnan(index) else (cells, group)
     if last is None:
         raise PostError(
-            "no frame has two cells and two groups in them: lower --cell, or choose other frames"
+            "no frame has two cells of several grains and two groups in them: choose another "
+            "--cell, or other frames"
         )
     (cells, group), random = last, np.random.default_rng(0)
     by_chance = [lacey(cells, random.permutation(group), len(names)) for _ in range(_SHUFFLES)]

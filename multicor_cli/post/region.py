@@ -82,8 +82,8 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         selection: Which frames; default: the later half of the last stage.
 
     Raises:
-        PostError: If no frame is selected, no grain is in the part in any of them, or the run is
-            one of a cell.
+        PostError: If no frame is selected, no grain is in the part in any of them, it is no
+            rectangle and wider than the period, or the run is one of a cell.
         StoreError: If the run cannot be read.
     """
     remedy = "use post rheology for all of it, post profile or post fields for parts"
@@ -96,6 +96,11 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         if 0.0 < period <= (right - left) * (1.0 + _ROUNDING):  # it has no ends in x
             room = Room(inside=(Rectangle((-np.inf, bottom), (np.inf, top)),))
             size = period * (top - bottom)
+    elif 0.0 < period < (width := float(np.ptp(area.corners()[:, 0]))) * (1.0 - _ROUNDING):
+        raise PostError(
+            f"the region is {width:g} m wide, and the period {period:g} m: grains would be in it "
+            "twice; choose a narrower one, or a rectangle"
+        )
     frames = frames_of(source, chosen)
     counts, measured = zip(*(_measure(source, f, room, size) for f in frames), strict=True)
     values = {name: np.array([row[name] for row in measured]) for name in measured[0]}

@@ -160,6 +160,8 @@ def _find_wall(source: Run, frame: Frame, name: str | None) -> int:
     prescribed = np.flatnonzero(np.isfinite(need_heat(frame.wall_temperature)))
     known = ", ".join(names[w] for w in prescribed) or "none"
     if name is None:
+        if not prescribed.size:
+            raise PostError("no wall has a temperature in this frame: θ needs one; choose another")
         if prescribed.size != 1:
             raise PostError(
                 "choose the wall with --wall: those with a prescribed temperature in this frame "

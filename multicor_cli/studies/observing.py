@@ -15,6 +15,7 @@ import numpy as np
 from multicor_cli.files import read_object
 from multicor_cli.model.books import BOOK_NAMES, NAMES
 from multicor_cli.model.cell import CELL
+from multicor_cli.model.cell import COLUMNS as OF_CELL
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.avalanches import EVENTS, avalanches
@@ -357,6 +358,9 @@ def unknown(observables: Iterable[Observable]) -> Iterator[Refused]:
         if row.post is not None and row.after is not None and SOURCES[row.post].is_of_one_frame:
             what = f"{row.post} is about the end of a run, no mean"
             yield Refused((*place, "after"), what, "leave after out")
+        if row.column is not None and _OWNED not in row.column and row.column not in _COLUMNS:
+            known = did_you_mean(row.column, _COLUMNS) or f"it has {', '.join(_COLUMNS)}"
+            yield Refused((*place, "column"), f"the time series has no {row.column}", known)
         if row.post == "theta-eta" and not 0.0 <= (row.at or 0.0) <= 1.0:
             what = f"η goes from 0 at the lower wall to 1, at is {row.at:g}"
             yield Refused((*place, "at"), what, "give at as a share of the height")
@@ -408,12 +412,25 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
 
 
 def _about_owner(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
-    outlets = [outlet.name for outlet in scenario.outlets]
-    known = [CELL] if scenario.domain.is_cell else [wall.name for wall in scenario.walls] + outlets
-    owner = (row.series or "").rpartition(_OWNED)[0]
-    if owner and owner not in known:
-        what = f"the time series has no columns of {owner}"
-        yield Refused((*place, "series"), what, f"it has those of {', '.join(known) or 'nothing'}")
+    """Columns of walls, outlets and cells that there are not."""
+    known = dict.fromkeys([wall.name for wall in scenario.walls], _of_owners("wall"))
+    known |= dict.fromkeys([outlet.name for outlet in scenario.outlets], _of_owners("outlet"))
+    if scenario.domain.is_cell:
+        known = {CELL: [name for names, _ in OF_CELL.values() for name in names]}
+    for key, column in (("series", row.series), ("column", row.column)):
+        owner, _, name = (column or "").rpartition(_OWNED)
+        if owner and owner not in known:
+            what = f"the time series has no columns of {owner}"
+            remedy = f"it has those of {', '.join(known) or 'nothing'}"
+            yield Refused((*place, key), what, remedy)
+        elif owner and name not in known[owner]:
+            remedy = did_you_mean(name, known[owner]) or f"it has {', '.join(known[owner])}"
+            yield Refused((*place, key), f"the time series has no {name} of {owner}", remedy)
+
+
+def _of_owners(dim: str) -> list[str]:
+    """Columns of the time series of a wall or an outlet."""
+    return [name for spec in SERIES if dim in spec.dims for name in (spec.columns or (spec.name,))]
 
 
 def _about_heat(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:

@@ -103,6 +103,9 @@ Axis = Annotated[
 """Values of one key."""
 
 
+OF_TABLES = ("seed", "status", "verdict", "hours", "digest", "directory")
+"""Columns of the table of any study."""
+
 OPTIONS = ("zip", "file", "sample")
 """Keys of ``[vary]`` that are no keys of a scenario: those have a dot in them."""
 
@@ -363,6 +366,11 @@ class StudyModel(Table):
         names = [observable.name for observable in self.observe]
         if len(set(names)) < len(names):
             raise Refused(("observe",), "two observables have the same name", "give each its own")
+        columns = {f"{name}_{ending}" for name in names for ending in ("error", "between", "seeds")}
+        for number, name in enumerate(names):
+            if name in OF_TABLES or name in columns:
+                what = f"tables have another column '{name}'"
+                raise Refused(("observe", number, "name"), what, "give the observable another name")
         return self
 
 

@@ -69,8 +69,12 @@ class StudyTable:
         endings = ("", "_error", "_between", "_seeds") if self.is_mean else ("", "_error")
         numbers = [f"{name}{ending}" for name in self.observables for ending in endings]
         last = [] if self.is_mean else ["digest", "directory"]
-        names = short_names(self.keys).values()
-        return [*names, "status", *numbers, "verdict", "hours", *last]
+        others = ["status", *numbers, "verdict", "hours", *last]
+        return [*self._names(others), *others]
+
+    def _names(self, others: Sequence[str]) -> list[str]:
+        """Short names of the keys, or whole ones where other columns are called so."""
+        return [key if name in others else name for key, name in short_names(self.keys).items()]
 
     @property
     def records(self) -> list[list[Any]]:
@@ -92,7 +96,6 @@ class StudyTable:
     @property
     def lines(self) -> tuple[list[str], list[list[str]]]:
         """Headings and rows for people: numbers with their errors (the larger) in one column."""
-        names = short_names(self.keys).values()
         lines = []
         digits = {key: digits_of(values_of(self.rows, key)) for key in self.keys}
         for row in self.rows:
@@ -106,7 +109,8 @@ class StudyTable:
             ]
             hours = "–" if math.isnan(row.hours) else f"{row.hours:.3g}"
             lines.append([*values, row.status, *numbers, row.verdict, hours])
-        return [*names, "status", *self.observables, "verdict", "hours"], lines
+        others = ["status", *self.observables, "verdict", "hours"]
+        return [*self._names(others), *others], lines
 
     def csv(self) -> str:
         out = io.StringIO()
@@ -326,7 +330,12 @@ def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
         and all(shown(row.values[key]) == text for key, text in wanted)
     ]
     if not rows:
-        raise PlotError(f"no case with {' and '.join(sorted(needed))} has finished yet")
+        what = " and ".join(sorted(needed))
+        if any(row.numbers or row.problems for row in table.rows if not math.isnan(row.hours)):
+            raise PlotError(
+                f"no case that has finished has {what}: the table of the study says why"
+            )
+        raise PlotError(f"no case with {what} has finished yet")
     return rows
 
 

@@ -447,7 +447,7 @@ WITHOUT_WALLS = {
     "avalanches --of kinetic": "never drops",
     "wall-heat": "those that have one: none",
     "hot-spots": "no contact slides in these frames",
-    "theta-eta": "those with a prescribed temperature in this frame are: none",
+    "theta-eta": "no wall has a temperature in this frame",
 }
 """What commands say of runs of every kind, or of one without walls, in which nothing happens."""
 

@@ -97,7 +97,7 @@ def test_wall_is_found_if_it_is_the_only_one(tmp_path, column):
     assert theta_eta(other(tmp_path, walls=(np.nan, 320.0))).wall == "top"
     with pytest.raises(PostError, match=r"choose the wall with --wall: .* bottom, top"):
         theta_eta(column)
-    with pytest.raises(PostError, match="are: none"):
+    with pytest.raises(PostError, match="no wall has a temperature"):
         theta_eta(column, 0)
 
 

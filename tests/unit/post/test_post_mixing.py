@@ -138,13 +138,13 @@ def test_what_is_no_mixing_is_said():
     places = rows_of(4, 4)
     one = source_of_groups(np.zeros(16), [places])
     assert np.isnan(lacey(np.arange(16) // 4, np.zeros(16, int), 2))
-    with pytest.raises(PostError, match="no frame has two cells and two groups"):
+    with pytest.raises(PostError, match="no frame has two cells of several grains"):
         mixing(one, cell=4.0)
     both = source_of_groups(np.arange(16) % 2, [places, places[:0]])
     both.frames[1].model = both.model.with_grains(np.zeros(0, int))
     values = mixing(both, cell=4.0).values["mixing_index"]
     assert np.isfinite(values).tolist() == [True, False]  # no grain is there
-    with pytest.raises(PostError, match="lower --cell"):
+    with pytest.raises(PostError, match="choose another --cell"):
         mixing(both, cell=100.0)
     with pytest.raises(PostError, match="choose 1 or more"):
         mixing(both, cell=0.0)

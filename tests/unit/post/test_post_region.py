@@ -104,4 +104,13 @@ def test_rings_add_up_to_a_disc_but_for_their_curvature(run):
 
 def test_where_nothing_is_it_says_so(run):
     with pytest.raises(PostError, match="no grain is in the region"):
-        in_region(run, Annulus((0.0, 1e3), 0.5), ALL)
+        in_region(run, Annulus((0.0, 1e3), 0.005), ALL)
+
+
+def test_what_is_wider_than_the_period_is_a_rectangle(run):
+    wide = Annulus((0.0, 0.005), 0.02)
+    if run.model.period:
+        with pytest.raises(PostError, match=r"0.04 m wide, and the period 0.02 m"):
+            in_region(run, wide, ALL)
+    else:
+        assert in_region(run, wide, ALL).area == pytest.approx(np.pi * 0.02**2)

@@ -218,6 +218,9 @@ BAD = [
     ('[[observe]]\nname = "mu"\npost = "rheology"\n', 4, "both"),
     ('[[observe]]\nname = "a"\ninfo = "step"\n[[observe]]\nname = "a"\ninfo = "time"\n', 4,
         "same name"),
+    ('[[observe]]\nname = "seed"\ninfo = "step"\n', 5, "another column 'seed'"),
+    ('[[observe]]\nname = "a"\ninfo = "step"\n[[observe]]\nname = "a_error"\ninfo = "time"\n', 8,
+        "another column 'a_error'"),
     ('[compute]\nworkers = 2\nscheduler = "tcp://a"\n', 6, "together"),
     ("[compute]\nworkers = 0\n", 5, "at least 1"),
 ]  # fmt: skip
