@@ -13,10 +13,12 @@ from shaped_run import box
 
 from multicor_cli import plots, post
 from multicor_cli.model.outlines import Outlines
+from multicor_cli.plots import over_time
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.heat import draw_hot_spots
 from multicor_cli.plots.texture import FIGURES
 from multicor_cli.plots.vectors import round_below, smooth_field
+from multicor_cli.post.energy import HEAT, MECHANICAL
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.rings import rings_of
@@ -216,3 +218,10 @@ def test_figures_are_written_and_reproducible(column, tmp_path):
         for name in ("a.svg", "b.svg"):
             plots.plot(table, tmp_path / name)
         assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_all_books_have_a_name_and_a_color():
+    for line in (*MECHANICAL, *HEAT):
+        if line.sign:
+            assert line.name in over_time.COLOR_OF
+            assert line.name in over_time._SHORT

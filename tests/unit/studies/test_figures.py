@@ -174,6 +174,14 @@ def test_numbers_with_errors(value, error, text):
     assert with_error(value, error) == text
 
 
+def test_keys_have_other_headings_than_observables():
+    keys, row = ("variables.mu", "variables.P"), Row({}, "finished", {}, {}, "ok", 0.1)
+    table = StudyTable(keys, ("mu",), (row,), is_mean=False, directory=StudyDirectory(Path("none")))
+    assert table.headings[:4] == ["variables.mu", "P", "status", "mu"]
+    assert table.lines[0][:4] == table.headings[:4]
+    assert len({*table.headings}) == len(table.headings)
+
+
 def test_means_over_seeds():
     rows = tuple(Row({FRICTION: 0.2, "scenario.seed": seed}, "finished", {"mu": (mu, 0.03, 1)}, {},
         "ok", 0.1)

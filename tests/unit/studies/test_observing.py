@@ -314,7 +314,7 @@ def refuse_what_is_wrong(folder):
             "s.toml:8:1: observe.0.value: theta needs heat"),
         ('series = "heat_stored"', ("", ""),
             "s.toml:7:1: observe.0.series: heat_stored needs heat"),
-        ('series = "top: forc_y"', ("", ""), "has no forc_y of top; did you mean 'force_y'"),
+        ('series = "top: forc_y"', ("", ""), "has no forc_y of top (case only); did you mean 'force_y'"),
         ('post = "avalanches"\nvalue = "size"\ncolumn = "top: nonsense"', ("", ""),
             "s.toml:9:1: observe.0.column: the time series has no nonsense of top"),
         ('post = "avalanches"\nvalue = "size"\ncolumn = "kinetik"', ("", ""),
