@@ -59,7 +59,7 @@ COLOR_OF = {
     "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4],
     "heat_friction": COLORS[1],
     "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
-    "heat_from_surroundings": "#882255", "heat_along_gradient": "#88ccee", "heat_to_walls": "0.5",
+    "heat_from_surroundings": "#882255", "heat_along_gradient": "#cc6677", "heat_to_walls": "0.5",
     "heat_stored": COLORS[4],
     "heat_ahead": "#44aa99",
     "kinetic_in": "#117733", "kinetic_out": "#999933", "heat_out": "#999933",
