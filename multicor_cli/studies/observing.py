@@ -413,10 +413,10 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
 
 def _about_owner(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
     """Columns of walls, outlets and cells that there are not."""
-    known = dict.fromkeys([wall.name for wall in scenario.walls], _of_owners("wall"))
-    known |= dict.fromkeys([outlet.name for outlet in scenario.outlets], _of_owners("outlet"))
+    known = dict.fromkeys([wall.name for wall in scenario.walls], _of_owners("wall", {}))
+    known |= dict.fromkeys([outlet.name for outlet in scenario.outlets], _of_owners("outlet", {}))
     if scenario.domain.is_cell:
-        known = {CELL: [name for names, _ in OF_CELL.values() for name in names]}
+        known = {CELL: _of_owners("wall", OF_CELL)}
     for key, column in (("series", row.series), ("column", row.column)):
         owner, _, name = (column or "").rpartition(_OWNED)
         if owner and owner not in known:
@@ -428,9 +428,14 @@ def _about_owner(row: Observable, place: KeyPath, scenario: Scenario) -> Iterato
             yield Refused((*place, key), f"the time series has no {name} of {owner}", remedy)
 
 
-def _of_owners(dim: str) -> list[str]:
-    """Columns of the time series of a wall or an outlet."""
-    return [name for spec in SERIES if dim in spec.dims for name in (spec.columns or (spec.name,))]
+def _of_owners(dim: str, others: Mapping[str, tuple[tuple[str, ...], str]]) -> list[str]:
+    """Columns of the time series of a wall or an outlet; ``others``: what a cell has instead."""
+    found: list[str] = []
+    for spec in SERIES:
+        if dim in spec.dims:
+            names, _ = others.get(spec.name.removeprefix("wall_"), ((), ""))
+            found += names or spec.columns or (spec.name,)
+    return found
 
 
 def _about_heat(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 from command_line import call
-from scenes import RAIN, SMALL, WARM, changed
+from scenes import CONDUCTING, RAIN, SMALL, WARM, changed
 
 import multicor_cli as multicor
 from multicor_cli.post import grain_map
@@ -91,6 +91,17 @@ def test_columns_of_walls(run):
     assert take_one(run, row, run_info(run)).value == pytest.approx(mean, rel=1e-12)
     with pytest.raises(Unobservable, match="has no nobody: force_y"):
         taken(run, series="nobody: force_y")
+
+
+@pytest.mark.parametrize("text", [SMALL, RAIN, CONDUCTING], ids=["walls", "outlet", "cell"])
+def test_columns_that_a_run_has_are_known_before(text, tmp_path):
+    text = text.replace("= 120 * time", "= 5 * time")
+    run, scenario = computed(tmp_path, text), load_scenario(tmp_path / "a.toml")
+    with multicor.open_run(run) as opened:
+        names = [column.name for column in opened.series_columns if ": " in column.name]
+    assert len(names) > 5
+    rows = [observable(series=name) for name in names]
+    assert [finding.what for finding in (*unknown(rows), *missing(rows, scenario))] == []
 
 
 def test_lifetimes(run):
