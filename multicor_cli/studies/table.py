@@ -331,7 +331,7 @@ def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
     ]
     if not rows:
         what = " and ".join(sorted(needed))
-        if any(row.numbers or row.problems for row in table.rows if not math.isnan(row.hours)):
+        if any(row.hours > 0.0 for row in table.rows):
             raise PlotError(
                 f"no case that has finished has {what}: the table of the study says why"
             )

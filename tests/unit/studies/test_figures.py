@@ -182,6 +182,18 @@ def test_keys_have_other_headings_than_observables():
     assert len({*table.headings}) == len(table.headings)
 
 
+@pytest.mark.parametrize(("hours", "why"), [
+    (0.1, "no case that has finished has mu"), (math.nan, "no case with mu has finished yet"),
+])  # fmt: skip
+def test_what_no_case_has_is_said(hours, why):
+    rows = tuple(Row({FRICTION: mu}, "", {}, {}, "", hours) for mu in (0.2, 0.4))
+    table = StudyTable(
+        (FRICTION,), ("mu",), rows, is_mean=False, directory=StudyDirectory(Path("none"))
+    )
+    with pytest.raises(PlotError, match=why):
+        make_panels(over_seeds(table), PlotRequest("mu", FRICTION))
+
+
 def test_means_over_seeds():
     rows = tuple(Row({FRICTION: 0.2, "scenario.seed": seed}, "finished", {"mu": (mu, 0.03, 1)}, {},
         "ok", 0.1)
