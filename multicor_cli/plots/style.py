@@ -236,6 +236,9 @@ def save_figure(figure: Any, path: Path) -> None:
 _NARROW = 3e-4
 """Range over the largest value below which numbers need so many digits that nobody reads them."""
 
+_ROUNDING = 1e-12
+"""The same range where the numbers are one, but for rounding."""
+
 _LITTLE = 0.1
 """Part of the range by which the round temperature may lie above the lowest."""
 
@@ -250,7 +253,7 @@ def rise_reference(unit: str, low: float, high: float) -> float | None:
     that started at 298.15 K one may have cooled by a millionth.
     """
     width = high - low
-    if unit != "K" or not 0.0 < width < _NARROW * abs(high):
+    if unit != "K" or not _ROUNDING * abs(high) < width < _NARROW * abs(high):
         return None
     finest = max(_COARSEST, math.ceil(-math.log10(width)))
     for decimals in range(_COARSEST, finest + 1):

@@ -423,8 +423,11 @@ def make_bins(
             f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean "
             f"diameters apart and {edge / diameter:g} are to be left out at each"
         )
-    if bin_width is not None and not bin_width > 0.0:
-        raise PostError(f"bins cannot be {bin_width:g} mean diameters wide: choose more than 0")
+    least = height / diameter / BIN_LIMIT
+    if bin_width is not None and not bin_width >= least:
+        raise PostError(
+            f"bins cannot be {bin_width:g} mean diameters wide: choose at least {least:.2g}"
+        )
     wide = (bin_width or 1.0) * diameter
     count = max(round(min(height / wide, 2.0 * BIN_LIMIT)), 1) if bins is None else bins
     if not 1 <= count <= BIN_LIMIT:

@@ -145,13 +145,14 @@ def compare(
 
     differences = find_differences(first.scenario_resolved, second.scenario_resolved)
     keys = tuple((format_key(d.path), d.before, d.after) for d in differences)
-    names = _labels(keys, names)
+    called, names = names, _labels(keys, names)
     numbers = (*_sizes(first, second), *_books(first, second))
     numbers += (*_rheologies(first, second, selection),)
     profiles = {}
     for field in dict.fromkeys(of):
-        one = profile(first, field, selection, bins)
-        profiles[field] = ProfilePair(one, profile(second, field, selection, one.y.size))
+        one = _profile(first, called[0], field, selection, bins)
+        two = _profile(second, called[1], field, selection, one.y.size)
+        profiles[field] = ProfilePair(one, two)
     lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in numbers]
     # One line for each profile: the root mean square of its differences over their errors.
     nan = np.nan
@@ -229,6 +230,16 @@ def _books(first: Run, second: Run) -> list[Pair]:
         if begin is not None and end is not None:
             pairs.append(Pair(name, label, float(begin[-1]), float(end[-1])))
     return pairs
+
+
+def _profile(
+    run: Run, name: str, field: str, selection: Selection | None, bins: int | None
+) -> ProfileTable:
+    """A profile of one of the runs; what cannot be is said with the run's name."""
+    try:
+        return profile(run, field, selection, bins)
+    except PostError as error:
+        raise PostError(f"{name}: {error}") from None
 
 
 def _rheologies(first: Run, second: Run, selection: Selection | None) -> list[Pair]:

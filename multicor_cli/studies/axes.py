@@ -244,8 +244,11 @@ def check_case(study: Study, case: Case) -> Scenario:
         of_case = f"{problem.message} (case {case.name})"
         keys = (key for key in case.values if f"{problem.key}.".startswith(f"{key}."))
         key = next(keys, SEED)
-        if key != SEED:
+        if key in study.model.vary.keys:
             findings.append(Refused(("vary", "keys", key), of_case, problem.remedy))
+        elif key != SEED:
+            of_column = f"column {key} of '{study.model.vary.file}': {of_case}"
+            findings.append(Refused(("vary", "file"), of_column, problem.remedy))
         elif (problem.key, problem.message) in alone:
             others.append(problem)
         else:

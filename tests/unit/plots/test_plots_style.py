@@ -23,6 +23,7 @@ from multicor_cli.post.lattice import Lattice
     (298.15021, 298.1508, 298.15), (298.15512, 298.15518, 298.1551),
     (298.149, 298.16, 298.15),  # it started there, and one grain has cooled
     (298.147, 298.16, 298.14), (298.15, 298.60, None), (298.15, 298.15, None),
+    (298.15, 298.15 + 1e-13, None),  # a mean over grains that are all as warm
 ])  # fmt: skip
 def test_reference_is_a_round_temperature_near_the_lowest(low, high, expected):
     reference = style.rise_reference("K", low, high)

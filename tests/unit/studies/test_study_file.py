@@ -139,6 +139,11 @@ def test_rows_of_a_file(read, tmp_path):
     (tmp_path / "cases.csv").write_text(f"{FRICTION}\n0.2,3\n")
     assert "row 2" in problems(lambda: expand(read('[vary]\nfile = "cases.csv"\n')))[0]
     assert "there is no file" in problems(lambda: expand(read('[vary]\nfile = "none.csv"\n')))[0]
+    (tmp_path / "cases.csv").write_text(f"{FRICTION}\n0.2\n-0.2\n")
+    study = read('[vary]\nfile = "cases.csv"\n')
+    (problem,) = problems(lambda: check_case(study, expand(study)[1]))
+    assert problem.startswith(f"{study.path}:")
+    assert f"vary.file: column {FRICTION} of 'cases.csv': must be at least 0, is -0.2" in problem
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
