@@ -111,6 +111,8 @@ def structure(
     """
     if is_of_cells and (has_factor or reach is not None):
         raise typer.BadParameter(f"--voronoi excludes {'--factor' if has_factor else '--reach'}")
+    if has_factor and margin is not None:
+        raise typer.BadParameter("--factor excludes --margin: all grains of the cell count")
     from multicor_cli import post
 
     selection, drawn = selected(start, end, frames), None

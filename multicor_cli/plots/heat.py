@@ -27,6 +27,7 @@ from multicor_cli.plots.style import (
     color_map,
     draw_picture,
     draw_text,
+    label_sparsely,
     name_frame,
     show_decades,
 )
@@ -103,7 +104,7 @@ def draw_hot_spots(figure: Any, table: HotSpots) -> None:
     center = np.sqrt(table.rise_edges[1:] * table.rise_edges[:-1])
     _draw(flash, center, table.rise_density, COLORS[0])
     flash.set_xscale("log")
-    flash.xaxis.set_minor_formatter("")
+    label_sparsely(flash.xaxis)
     mean = table.mean["rise_mean"]
     flash.axvline(mean, color="0.4", linestyle="--", linewidth=0.7, label=f"mean {mean:.3g} K")
     flash.set(xlabel=r"flash $\Delta T$ [K]", ylabel=r"probability density $P(\Delta T)$ [1/K]")

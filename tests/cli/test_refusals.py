@@ -82,6 +82,7 @@ NO_SENSE = {
     "post map RUN --of group --scale 0:1 --plot term": "has no scale",
     "post forces RUN --scale 0": "positive force",
     "post forces RUN --scale 1 --angles": "positive force",
+    "post structure RUN --factor --margin 2": "--factor excludes --margin",
     "post structure RUN --voronoi --factor": "--voronoi excludes --factor",
     "post structure RUN --voronoi --reach 2": "--voronoi excludes --reach",
     "post structure RUN --voronoi --margin -1": "must not be negative",
