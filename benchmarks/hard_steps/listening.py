@@ -4,7 +4,7 @@ they are solved.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableSequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,7 +47,7 @@ class Heard:
 
     wanted: Callable[[int], bool] = lambda _number: False
     outcomes: list[Outcome] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
+    problems: MutableSequence[Problem] = field(default_factory=list)
 
 
 class _NoRecorder:

@@ -86,7 +86,7 @@ RULES: tuple[Rule[Recorded], ...] = (
         meaning="Steps that missed a tolerance of the contact solver within max_sweeps; their "
             "forces are less exact.",
         remedy="Raise max_sweeps, or loosen the tolerances on purpose; see where with multicor "
-            "post energy.",
+            "post series DIR --of unconverged --plot FILE.",
     ),
     Rule(
         "heat ahead of losses", _ahead, unit="of the heat generated", warning=0.01, bad=0.1,

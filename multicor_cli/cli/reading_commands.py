@@ -118,10 +118,9 @@ def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "  steered", f"{program}, asked every {every}: {decisions}"
     for end in (record_of(StageEnd, document) for document in found["stage_ends"]):
         yield f"  {end.name}", end.text
-    yield (
-        "wall time",
-        "–" if found["duration"] is None else console.format_seconds(found["duration"]),
-    )
+    seconds = found["duration"]  # pauses of a run that was continued or extended included
+    length = "–" if seconds is None else f"{console.format_seconds(seconds)} from start to end"
+    yield "wall time", length
     yield "state digest", _text(found["state_digest"])
     for entry in TALLIES:
         if entry.label is not None:
@@ -152,8 +151,9 @@ def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def _describe_heat(heat: dict[str, Any]) -> Iterator[tuple[str, str]]:
     books, temperature = heat["books"], heat["temperature"]
     low, high = temperature["min"], temperature["max"]
-    mean = f"{temperature['mean']:.6g} K on average"
-    yield "temperature", f"{mean}, {low:.6g} to {high:.6g} K"
+    if high > 0.0:  # else no grain is there
+        mean = f"{temperature['mean']:.6g} K on average"
+        yield "temperature", f"{mean}, {low:.6g} to {high:.6g} K"
     yield "heat stored", _text(books["stored"], " J")
     for name, label in _HEAT_LABELS.items():
         if books[name]:

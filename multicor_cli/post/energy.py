@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -133,6 +132,12 @@ _OWN = ("time", "step", "stage", "window_duration")
 """Columns that say when a row is, and not what."""
 
 
+_ZERO_IS_NONE = (
+    "temperature_mean", "temperature_min", "temperature_max", "hottest_spot", "solid_gas_min",
+    "solid_gas_max",
+)  # fmt: skip
+"""Columns that are 0 in rows in which no grain is there, none slides, or none is near another."""
+
 OVERVIEW = (
     "kinetic", "force_x", "force_y", "stress_xx", "stress_yy", "stress_xy", "contacts_mean",
 )  # fmt: skip
@@ -146,11 +151,6 @@ class SeriesTable(TimeTable):
     """Columns of a time series; forces and powers are means over the time since the row before."""
 
     KEYS = ("time", "units", "mean", "standard_error", "drift", "values")
-
-    @cached_property
-    def mean(self) -> dict[str, float]:
-        """Means by name; of what has no value in some row there is none."""
-        return {name: float(values.mean()) for name, values in self.values.items()}
 
     def overview(self) -> SeriesTable:
         """The columns of a figure by default, no more of one unit than it can tell apart."""
@@ -169,10 +169,12 @@ class SeriesTable(TimeTable):
     @property
     def rows(self) -> list[tuple[Any, ...]]:
         """One row for each column of the series."""
-        return [
-            (*line[:4], float(c.values.min()), float(c.values.max()), float(c.values[-1]), line[4])
-            for c, line in zip(self.quantities, super().rows, strict=True)
-        ]
+        rows = []
+        for c, line in zip(self.quantities, super().rows, strict=True):
+            values = np.asarray(c.values)
+            known = values[~np.isnan(values)] if np.isfinite(values).any() else values[:1]
+            rows.append((*line[:4], *map(float, (known.min(), known.max(), values[-1])), line[4]))
+        return rows
 
 
 def series(
@@ -204,8 +206,10 @@ def series(
         if not called:
             raise PostError(f"the time series has no '{word}'; {choices(word, names)}")
         wanted += called
-    kept = [
-        Column(name, columns[name].unit, np.asarray(columns[name].values, np.float64)[chosen])
-        for name in dict.fromkeys(wanted if of else names)
-    ]
+    kept = []
+    for name in dict.fromkeys(wanted if of else names):
+        values = np.asarray(columns[name].values, np.float64)[chosen]
+        if name in _ZERO_IS_NONE:
+            values[values == 0.0] = np.nan
+        kept.append(Column(name, columns[name].unit, values))
     return SeriesTable(time[chosen], kept)

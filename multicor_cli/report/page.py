@@ -350,7 +350,9 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
         "seed": made.get("seed", "–"),
         "started": _moment(info["started"]),
         "finished": _moment(info["finished"]),
-        "wall time": "–" if seconds is None else timedelta(seconds=round(seconds)),
+        "wall time": (
+            "–" if seconds is None else f"{timedelta(seconds=round(seconds))} from start to end"
+        ),
         "version": f"multicor {made['multicor_version']}" if "multicor_version" in made else "–",
         "command": made.get("command", "–"),
         "processor": made.get("cpu") or "–",

@@ -119,6 +119,20 @@ def test_columns_of_the_series_by_name_by_wall_and_in_part():
         series(source, start=5.0)
 
 
+def test_rows_in_which_no_grain_is_there_have_no_temperature():
+    source = columns(5)
+    source.series_columns += [
+        NamedColumn("temperature_mean", "K", np.array([300.0, 310.0, 0.0, 320.0, 0.0])),
+        NamedColumn("hottest_spot", "K", np.zeros(5)),
+    ]
+    (mean, *_, low, high, last, _), spot = series(source, ["temperature_mean", "hottest_spot"]).rows
+    assert (low, high) == (300.0, 320.0)
+    assert np.isnan(last)
+    assert np.isnan(spot[1:7]).all()
+    assert series(source, ["temperature_mean"]).mean["temperature_mean"] == pytest.approx(310.0)
+    assert mean == "temperature_mean [K]"
+
+
 def mixture():
     rng = np.random.default_rng(5)
     model = between_planes(rng.uniform(0.02, 0.06, 40))
