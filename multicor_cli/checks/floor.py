@@ -215,7 +215,27 @@ def _escapes(run: Prepared) -> Iterator[Measured]:
             yield Measured(share, about)
 
 
+def _beyond(run: Prepared) -> Iterator[Measured]:
+    domain, margin = run.scenario.domain, 2.0 * float(run.model.grains.radius.max(initial=0.0))
+    if domain.is_cell:
+        return
+    middle = 0.5 * np.asarray(domain.size)
+    out = np.abs(run.state.position[run.state.here, :2] - middle) > middle + margin
+    if domain.is_periodic:
+        out[:, 0] = False
+    count = int(out.any(axis=1).sum())
+    share = count / max(1, run.model.grain_count)
+    yield Measured(share, f"{count} of {run.model.grain_count}")
+
+
 RULES: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "grains beyond the domain", _beyond, unit="of the grains", warning=0.0,
+        meaning="Centers of these grains lie more than the largest diameter outside of the domain "
+            "when the run begins.",
+        remedy="Check the unit of the file that they come from (meters) and its shift, or enlarge "
+            "the domain.",
+    ),
     Rule(
         "grains without a floor", _escapes, unit="of the grains", warning=0.0,
         meaning="These grains can fall or roll out of all walls along gravity, and then fall for "

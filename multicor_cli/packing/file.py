@@ -167,6 +167,9 @@ def _check_count(path: Path, n: int) -> None:
 def _read_csv(path: Path) -> dict[str, Floats]:
     with reading_input(path, "comma-separated text in UTF-8", _KEY):
         names, header_line = _read_header(path)
+        if len(names) == 1 and ";" in names[0]:
+            what = f"'{path}' has semicolons between its columns"
+            raise _refused(what, "put commas between them and between values, and points in numbers")
         _check_names(names, path, "column")
         table = _parse_rows(path, header_line)
         if table is not None:

@@ -13,7 +13,7 @@ from multicor_cli.post.energy import series
 from multicor_cli.post.source import PostError, Run
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, Quantity, Table, with_unit
-from multicor_cli.text import choices
+from multicor_cli.text import choices, count_noun
 
 _SIZE = 1.0  # smallest drop over the standard deviation of the column
 
@@ -106,7 +106,8 @@ def avalanches(
     time, value = found.time[known], np.asarray(column.values, np.float64)[known]
     clock, pause = clock[known], pause[known]
     if value.size < 3:
-        raise PostError(f"'{of}' has {value.size} values at these times: three are needed")
+        few = count_noun(value.size, "value")
+        raise PostError(f"'{of}' has {few} at these times: three are needed")
     value = -value if value.mean() < 0.0 else value
     least = _SIZE * float(value.std()) if threshold is None else threshold
     if threshold is not None and not 0.0 < threshold < np.inf:

@@ -182,11 +182,13 @@ def _grains(source: Run, frame: Frame, numbers: NDArray[np.int64]) -> _Grains:
 def cells_of(at: Floats, grains: float, aspect: float) -> NDArray[np.int64]:
     """Cells 0, 1, … of about so many grains each, of grains at places [m], shape ``(n,)``.
 
-    ``aspect`` is the height over the width of the region, so that cells are about square.
+    ``aspect`` is the height over the width of the region, so that cells are about square; of four
+    and more at least two lie beside and two above each other, in thin regions too.
     """
     n, (x, y) = len(at), at.T
     cells = max(round(n / grains), 1)
-    rows = round(min(max(np.sqrt(cells * aspect), 1.0), cells))
+    least = 2.0 if cells >= 4 else 1.0
+    rows = round(min(max(np.sqrt(cells * aspect), least), cells / least))
     first = np.arange(rows + 1) * cells // rows  # cell of each row
     ends, upwards, found = first * n // cells, np.lexsort((x, y)), np.empty(n, np.int64)
     for k in range(rows):

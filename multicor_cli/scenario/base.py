@@ -299,6 +299,9 @@ def _read_columns(path: Path, name: str, columns: list[Column]) -> list[list[flo
     )
     if not rows:
         raise _refused(f"'{name}' is empty", remedy)
+    if len(rows[0][1]) == 1 and ";" in rows[0][1][0]:
+        what = f"'{name}' has semicolons between its columns"
+        raise _refused(what, "put commas between them and between values, and points in numbers")
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
     for names, bounds, is_optional in columns:

@@ -319,13 +319,13 @@ def _not_one_of(place: Location, error: ErrorDetails) -> Refused:
     if "expected_tags" in context:
         path, value = (*path, "kind"), value.get("kind")
     choices = re.findall(r"'([^']*)'", context.get("expected_tags") or context["expected"])
-    one, use = ("one of ", "one of them") if len(choices) > 1 else ("", "it")
+    one, use = ("one of ", "use one of them") if len(choices) > 1 else ("", place.expected)
     remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
     what = f"{show(value)} is not {one}{name_list(choices)}"
     if place.instead and path == place.path:
         is_kind = value in place.instead
         remedy = f'write {{ kind = "{value}", … }}' if is_kind else remedy or place.expected
-    return Refused(path, what, remedy or f"use {use}")
+    return Refused(path, what, remedy or use)
 
 
 def _no_tag(place: Location, error: ErrorDetails) -> Refused:

@@ -25,7 +25,7 @@ from multicor_cli.store.errors import DamagedRun, RunLocked, StorageError, Stora
 RESERVE = 1 << 20
 """Bytes that large files leave free, so that ``run.json`` can still say why the run stopped."""
 
-_NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 _CANNOT_RESERVE = {errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS}
 _BLOCK = 1 << 20
 _passed: Counter[str] = Counter()
@@ -56,6 +56,10 @@ def storage_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         if error.errno in _NO_SPACE:
             raise StorageFull(path) from error
+        if error.errno == errno.EFBIG:
+            what = "larger than files may be here (ulimit -f, or the file system)"
+            remedy = "raise the limit and give the same command again"
+            raise StorageError(f"{path}: {what}; {remedy}") from error
         raise StorageError(f"{path}: {error.strerror or error}") from error
 
 

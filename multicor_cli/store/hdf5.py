@@ -385,6 +385,10 @@ def reading(path: Path) -> Iterator[None]:
     except OSError as error:
         if error.errno:
             raise StorageError(f"{path}: {error.strerror or error}") from error
+        if "already open for write" in str(error):
+            what = "another program has it open for writing, or crashed while it had"
+            remedy = "let it close the file, or give h5clear -s FILE"
+            raise DamagedRun(f"{path}: {what}: {remedy}") from error
         raise DamagedRun(f"{path}: damaged ({_short(error)})") from error
     except (RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError) as error:
         raise DamagedRun(f"{path}: damaged ({_short(error)})") from error

@@ -74,7 +74,9 @@ class RunLock:
         if self._descriptor < 0 or not _is_current(self.path, self._descriptor):
             holder = read_holder(self.path)
             pid, host = _process(holder)
-            if holder:
+            if not self.path.parent.is_dir():
+                what = "the directory was moved or removed"
+            elif holder:
                 what = f"process {pid} on {host} took over this run"
             else:
                 what = f"{self.path.name} of this run was removed by somebody"

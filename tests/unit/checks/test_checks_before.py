@@ -113,6 +113,8 @@ LARGE = [*moved(scale=1e3), ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("mi
     ("stored places", OK, [SINGLE]),
     ("stored places", BAD, [*moved(1e3), SINGLE]),
     ("grain diameter", WARNING, LARGE),
+    ("grains beyond the domain", OK, []),
+    ("grains beyond the domain", WARNING, moved(1.0)),
     ("grains without a floor", OK, []),  # a rough floor of a period has no ends
     ("grains without a floor", WARNING, [HALF]),
 ])  # fmt: skip

@@ -68,6 +68,7 @@ BAD_CSV = {
     "missing column": ("x,y\n1,2\n", "no column radius"),
     "unknown column": ("x,y,radius,spinn\n1,2,3,4\n", "did you mean 'spin'"),
     "double column": ("x,y,radius,x\n1,2,3,4\n", "'x' twice"),
+    "semicolons": ("x;y;radius\n1;2;3\n", "semicolons between its columns"),
     "no header": ("0.1,0.2,0.3\n", "no column x, y, radius"),
     "not a number": ("x,y,radius\n1,2,3\n1,two,3\n", "line 3: y = 'two' is not a number"),
     "short row": ("x,y,radius\n1,2,3\n\n1,2\n", "line 4: 2 values for 3 columns"),

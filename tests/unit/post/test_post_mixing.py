@@ -114,6 +114,15 @@ def test_cells_hold_equal_numbers_and_are_about_square(count, shape):
         assert 0.5 < np.prod(np.median(extents, axis=0) ** [1, -1]) < 2.0
 
 
+@pytest.mark.parametrize("shape", [(40.0, 2.0), (2.0, 40.0)])
+def test_what_lies_beside_each_other_in_a_thin_layer_is_not_mixed(shape):
+    """Two bands along the layer: cells as large as it is thick would hold both."""
+    places = np.random.default_rng(6).random((240, 2)) * shape
+    across = int(shape[1] > shape[0])  # the axis along which the layer is thick
+    group = (places[:, 1 - across] > 1.0).astype(np.int64)
+    assert lacey(cells_of(places, 12.0, shape[1] / shape[0]), group, 2) < 0.5
+
+
 def test_a_cell_is_the_same_in_whatever_way_it_is_told():
     """Images of grains, and a tilt by a width, change nothing; there are no heights."""
     random = np.random.default_rng(4)

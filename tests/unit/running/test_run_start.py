@@ -260,7 +260,7 @@ REFUSED = {
     "no run": ('"first"', '"nowhere"', "start.run", "not a run directory", "give the directory"),
     "no frame": (RUN, RUN + "frame = 99", "start.frame", "no frame 99", "choose another frame"),
     "both": (RUN, RUN + 'at = "end"\nframe = 1', "start.frame", "both", "one of them"),
-    "unknown": (RUN, RUN + 'at = "now"', "start.at", "'end'", "use it"),
+    "unknown": (RUN, RUN + 'at = "now"', "start.at", "'end'", "or give frame"),
     "small domain": ("size = [0.012", "size = [0.006", "domain.size", "grains of the run",
         "enlarge"),
     "no material": ("materials.glass", "materials.sand", "start.run", 'no material "glass"',
