@@ -158,7 +158,14 @@ def wall_heat(
     k = f"k = {table.conductivity:g} W/(m K) of the {table.over}"
     if not math.isfinite(table.conductivity):
         k = f"no Nusselt number: the {table.over} has no conductivity, or several"
-    return Shown(table, f"{about}; {k}", directory)
+    dry = [wall for wall in table.walls if table.mean[f"{wall}: wetted"] == 0.0]
+    remarks = []
+    if dry:
+        remarks.append(f"no grain touches {', '.join(dry)}: for h give the length with --length")
+    if table.left_out:
+        left_out = ", ".join(table.left_out)
+        remarks.append(f"left out, without a temperature in some of these frames: {left_out}")
+    return Shown(table, "\n".join((f"{about}; {k}", *remarks)), directory)
 
 
 # ---- Command `post hot-spots`: the spots of sliding contacts

@@ -169,7 +169,8 @@ def _read_csv(path: Path) -> dict[str, Floats]:
         names, header_line = _read_header(path)
         if len(names) == 1 and ";" in names[0]:
             what = f"'{path}' has semicolons between its columns"
-            raise _refused(what, "put commas between them and between values, and points in numbers")
+            remedy = "put commas between them and between values, and points in numbers"
+            raise _refused(what, remedy)
         _check_names(names, path, "column")
         table = _parse_rows(path, header_line)
         if table is not None:

@@ -32,6 +32,7 @@ from multicor_cli.post.table import TimeTable
 from multicor_cli.post.wall_heat import WallHeatTable
 from multicor_cli.text import unit_sign, with_error
 
+_ZERO = 1e-30  # what rounding leaves of velocities that are all the same, squared
 _LOW = 8  # rows of a chart of letters, of which several are shown
 
 # ---- The energy books: what came in and where it went, stacked, and how well the books close
@@ -271,7 +272,12 @@ def draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> Non
         # At least a thousandth of the largest mean: what is constant must not seem to vary.
         (low, high), means = panel.get_ylim(), [table.mean[name] for name, _ in quantities]
         room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
-        if high - low < 2.0 * room:
+        if not np.isfinite(means).any():
+            panel.set_yticks([])
+            panel.text(0.5, 0.5, "no value", ha="center", va="center", transform=panel.transAxes)
+        elif room < _ZERO:
+            panel.set_ylim(-1.0, 1.0)
+        elif high - low < 2.0 * room:
             panel.set_ylim(0.5 * (low + high) - room, 0.5 * (low + high) + room)
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(quantities) > 1:

@@ -66,6 +66,7 @@ class WallHeatTable(TimeTable):
         mean: Averages over the intervals: ratios of sums, not means of ratios.
         spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
         walls: Names of the walls.
+        left_out: Names of those that have a temperature in some of the frames alone.
         thickness: b [m].
         length: The given length [m]; nan if it is that of the grains that touch.
         near: How far from the wall grains count for the temperature of the bed, in mean diameters;
@@ -77,8 +78,9 @@ class WallHeatTable(TimeTable):
     """
 
     KEYS = (
-        "walls", "thickness", "length", "near", "over", "conductivity", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
+        "walls", "left_out", "thickness", "length", "near", "over", "conductivity", "frame_count",
+        "times", "units", "mean", "standard_error", "drift", "drift_error", "note", "time",
+        "values",
     )  # fmt: skip
 
 
@@ -149,8 +151,10 @@ def wall_heat(
             quantities.append(Column(name, q.unit, found.values[q.name], label))
             for of in ("mean", "spread"):
                 parts[of][name] = getattr(found, of)[q.name]
+    sometimes = np.flatnonzero(np.isfinite(warmth).any(axis=0)).tolist()
+    left_out = [names[wall] for wall in sometimes if wall not in numbers and not walls]
     facts = {
-        "walls": [names[wall] for wall in numbers], "thickness": thickness,
+        "walls": [names[wall] for wall in numbers], "left_out": left_out, "thickness": thickness,
         "length": np.nan if length is None else length, "near": np.inf if near is None else near,
         "over": over, "conductivity": conductivity, **frames_told(source, chosen),
     }  # fmt: skip
