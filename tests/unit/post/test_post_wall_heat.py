@@ -76,6 +76,10 @@ def test_means_are_ratios_of_sums_and_walls_may_warm():
     np.testing.assert_allclose(table.values["floor: flow"], [1.5, 4.5, 7.5])
     driving = 2.0 * (10.5 + 11.5 + 12.5) * 4.0 * THICKNESS
     assert table.mean["floor: coefficient"] == pytest.approx(27.0 / driving)
+    assert table.left_out == []
+    source.frames[1].wall_temperature = np.array([311.0, 300.0])
+    assert wall_heat(source, ALL).left_out == [source.model.walls.names[1]]
+    assert wall_heat(source, ALL, ["floor"]).left_out == []
 
 
 @pytest.mark.parametrize(("shape", "expected"), [
