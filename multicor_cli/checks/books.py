@@ -59,7 +59,9 @@ RULES: tuple[Rule[Recorded], ...] = (
         warning=CLOSURE_LIMIT, bad=CLOSURE_LIMIT,
         meaning="Largest imbalance of the energy books over the sum of their terms. They close "
             "to round-off by construction.",
-        remedy="Report it: this is a bug, or the files were changed.",
+        remedy="Where steps did not converge, as walls jam grains between them, see to that: round-"
+            "off grows with their impulses. Else report it: this is a bug, or the files were "
+            "changed.",
     ),
     Rule(
         "heat closure", lambda run: run.summary("heat_closure"),

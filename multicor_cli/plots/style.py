@@ -464,7 +464,7 @@ class Renderer(NamedTuple):
     text: Callable[..., str]
 
 
-def plot(table: Any, path: Path, **options: Any) -> None:
+def plot(table: Any, path: str | Path, **options: Any) -> None:
     """Draw the figure of a table that `post` made.
 
     Args:
@@ -478,7 +478,7 @@ def plot(table: Any, path: Path, **options: Any) -> None:
         StorageError: If the file cannot be written.
     """
     renderer = _renderer(table)
-    with figure_file(path, *renderer.size(table)) as figure:
+    with figure_file(Path(path), *renderer.size(table)) as figure:
         renderer.draw(figure, table, **options)
 
 
