@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import mechanics as engine_module
@@ -81,6 +83,16 @@ def copied(system: System) -> System:
     )
 
 
+def _wholly_copied(system: System) -> System:
+    """A copy of all arrays: later steps write into the same lanes."""
+    arrays = {
+        name: aligned_copy(value)
+        for name, value in zip(System._fields, system, strict=True)
+        if isinstance(value, np.ndarray)
+    }
+    return system._replace(**arrays)
+
+
 @contextmanager
 def listening(heard: Heard) -> Iterator[None]:
     """While this lasts, ``heard`` hears all engines."""
@@ -89,7 +101,7 @@ def listening(heard: Heard) -> Iterator[None]:
 
     def listen(system: System, scale: ResidualScale, *rest: Any, **named: Any) -> Outcome:
         if heard.wanted(len(heard.outcomes)) and scale.velocity > 0.0:
-            heard.problems.append(Problem(copied(system), scale))
+            heard.problems.append(Problem(_wholly_copied(system), scale))
         heard.outcomes.append(solve(system, scale, *rest, **named))
         return heard.outcomes[-1]
 

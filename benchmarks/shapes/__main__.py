@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from multicor_cli.engine import Engine, step
+from multicor_cli.engine import Engine, mechanics
 from multicor_cli.engine.geometry.neighbors import SKIN, NeighborList
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.packing import build
@@ -129,7 +129,7 @@ def main() -> int:
         print("\n".join(_memory(names, options.grains)))
         return 0
     clock = SimpleNamespace(perf_counter=time.process_time)
-    with patch.object(step, "time", clock):  # phases by time of the processor
+    with patch.object(mechanics, "time", clock):  # phases by time of the processor
         print("\n".join(_times(names, options)))
     return 0
 

@@ -7,7 +7,7 @@ runs with their real warm starts.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +31,13 @@ from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
 
-_FORMAT = 4
+_FORMAT = 5
 _CHANGING = ("velocity", "impulse", "general_impulse")
-_ARRAYS = tuple(field for field in System._fields if field not in {"spin_factor", "contacts"})
+_NUMBERS = {"spin_factor", "contacts"}
+# no scene has rolling resistance, is a cell, or has grains that are no discs
+_ARRAYS = tuple(
+    field for field in System._fields if field not in _NUMBERS | {"couples", "cell", "faces"}
+)
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,11 @@ class Problem:
 
 def copy_system(system: System) -> System:
     """A copy of what sweeps change; the rest is shared."""
-    return system._replace(**{name: _copy(getattr(system, name)) for name in _CHANGING})
+    return _with_copies(system, _CHANGING)
+
+
+def _with_copies(system: System, names: Iterable[str]) -> System:
+    return system._replace(**{name: _copy(getattr(system, name)) for name in names})
 
 
 def _copy(array: NDArray[Any]) -> NDArray[Any]:
@@ -142,14 +150,14 @@ def _listening(engine: Engine, heard: list[tuple[System, ResidualScale]]) -> Ite
 
 def _by_grain(system: System, place: Ints) -> System:
     """A copy of a system whose first rows are the grains in their own order: so they have the same
-    names in every step.
+    names in every step. Nothing is shared: later steps write into the same lanes.
     """
     n = place.size
     velocity, inverse = system.velocity.copy(), system.inverse.copy()
     velocity[:n], inverse[:n] = velocity[place], inverse[place]
     name = np.arange(len(velocity), dtype=np.int32)
     name[place] = np.arange(n, dtype=np.int32)
-    copied = copy_system(system._replace(velocity=velocity))
+    copied = _with_copies(system._replace(velocity=velocity), _ARRAYS)
     pair = _copy(4 * name[system.pair // 4])
     return copied._replace(inverse=inverse, pair=pair, general_pair=name[system.general_pair])
 
@@ -250,12 +258,9 @@ def _digest() -> str:
 def _save(path: Path, problems: list[Problem]) -> None:
     arrays: dict[str, Any] = {"count": len(problems)}
     for number, problem in enumerate(problems):
-        arrays[f"{number}.scale"] = np.array(
-            [problem.scale.rms, problem.scale.velocity, problem.scale.energy]
-        )
-        # no scene has rolling resistance, or is a cell
-        kept = [field for field in System._fields if field not in ("couples", "cell")]
-        arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in kept}
+        arrays[f"{number}.scale"] = np.array(problem.scale)
+        for field in (*_ARRAYS, *_NUMBERS):
+            arrays[f"{number}.{field}"] = getattr(problem.system, field)
     part = path.with_suffix(".part.npz")
     np.savez(part, **arrays)
     part.replace(path)

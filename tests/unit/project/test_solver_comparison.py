@@ -34,6 +34,21 @@ def test_these_are_all_methods(solvers):
     assert list(solvers.methods.METHODS) == METHODS
 
 
+def test_recorded_problems_are_those_of_their_steps_and_are_read_as_they_were(solvers, tmp_path):
+    """Of a flow, whose next steps write into the same lanes, where pairs come late, too."""
+    made, read = (solvers.problems.consecutive("shear", 1008, 1, 6, tmp_path) for _ in range(2))
+    assert len(list(tmp_path.iterdir())) == 1
+    for one, other in zip(made, read, strict=True):
+        system = one.system
+        filled = (system.slot >= 0).sum() + len(system.general_pair)
+        assert filled == one.contacts
+        assert one.scale == other.scale
+        for name, value in zip(system._fields, system, strict=True):
+            if isinstance(value, np.ndarray):
+                np.testing.assert_array_equal(value, getattr(other.system, name))
+    assert len({one.system.frame.tobytes() for one in made}) == len(made)
+
+
 # The others take a minute of compilation.
 QUICK = ("gs", "engine", "newton")
 SLOW = [pytest.param(name, marks=pytest.mark.validation) for name in METHODS if name not in QUICK]
