@@ -122,7 +122,7 @@ def _draw_methods(axes: Any) -> None:
     axes.invert_yaxis()
     axes.set_xscale("log")
     axes.set_xlim(1.0, 1.5 * max(times))
-    axes.set_xlabel("time of the solver, shear [s]")
+    axes.set_xlabel("solve of a step, shear [ms]")
 
 
 def _table(folder: str, *headings: str) -> list[dict[str, str]]:
