@@ -16,7 +16,7 @@ TIGHT = ["solver.tolerance_rms=2e-4", "solver.tolerance_energy=1e-3"]
 """A fifth of the defaults."""
 
 REST = 1
-"""Stage of configs/heated-bed.toml in which the bed rests, to the tolerances of ``[solver]``."""
+"""Stage of configs/heated-bed.toml in which the bed rests."""
 
 Measures = dict[str, float]
 

@@ -72,19 +72,9 @@ class _NoRecorder:
 
 
 def copied(system: System) -> System:
-    """A copy of what sweeps change, which begins at cache lines as it does in a run; the rest is
-    shared.
+    """A copy of all arrays, which begin at cache lines as they do in a run: sweeps change some, and
+    later steps write into the same lanes.
     """
-    return system._replace(
-        **{
-            name: aligned_copy(getattr(system, name))
-            for name in ("velocity", "impulse", "general_impulse")
-        }
-    )
-
-
-def _wholly_copied(system: System) -> System:
-    """A copy of all arrays: later steps write into the same lanes."""
     arrays = {
         name: aligned_copy(value)
         for name, value in zip(System._fields, system, strict=True)
@@ -101,7 +91,7 @@ def listening(heard: Heard) -> Iterator[None]:
 
     def listen(system: System, scale: ResidualScale, *rest: Any, **named: Any) -> Outcome:
         if heard.wanted(len(heard.outcomes)) and scale.velocity > 0.0:
-            heard.problems.append(Problem(_wholly_copied(system), scale))
+            heard.problems.append(Problem(copied(system), scale))
         heard.outcomes.append(solve(system, scale, *rest, **named))
         return heard.outcomes[-1]
 

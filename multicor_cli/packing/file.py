@@ -29,6 +29,7 @@ from multicor_cli.scenario.base import (
     NUMBER_BOUNDS,
     RADIUS_BOUNDS,
     reading_input,
+    refuse_semicolons,
 )
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 from multicor_cli.scenario.problems import Refused
@@ -167,10 +168,7 @@ def _check_count(path: Path, n: int) -> None:
 def _read_csv(path: Path) -> dict[str, Floats]:
     with reading_input(path, "comma-separated text in UTF-8", _KEY):
         names, header_line = _read_header(path)
-        if len(names) == 1 and ";" in names[0]:
-            what = f"'{path}' has semicolons between its columns"
-            remedy = "put commas between them and between values, and points in numbers"
-            raise _refused(what, remedy)
+        refuse_semicolons(names, path, _KEY)
         _check_names(names, path, "column")
         table = _parse_rows(path, header_line)
         if table is not None:

@@ -238,6 +238,14 @@ class Column(NamedTuple):
     is_optional: bool = False
 
 
+def refuse_semicolons(titles: Sequence[str], name: object, key: KeyPath) -> None:
+    """Raises `Refused` at ``key`` if the titles of a CSV file have semicolons between them."""
+    if len(titles) == 1 and ";" in titles[0]:
+        what = f"'{name}' has semicolons between its columns"
+        remedy = "put commas between them and between values, and points in numbers"
+        raise Refused(key, what, remedy)
+
+
 ColumnReader = Callable[[str], list[list[float]]]
 """What reads the columns from a text; raises `Refused`, without a key, if it cannot."""
 
@@ -299,9 +307,7 @@ def _read_columns(path: Path, name: str, columns: list[Column]) -> list[list[flo
     )
     if not rows:
         raise _refused(f"'{name}' is empty", remedy)
-    if len(rows[0][1]) == 1 and ";" in rows[0][1][0]:
-        what = f"'{name}' has semicolons between its columns"
-        raise _refused(what, "put commas between them and between values, and points in numbers")
+    refuse_semicolons(rows[0][1], name, ("file",))
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
     for names, bounds, is_optional in columns:

@@ -16,7 +16,7 @@ from typing import Any
 
 from multicor_cli.files import read_regular
 from multicor_cli.optional import library
-from multicor_cli.scenario.base import MAX_BYTES
+from multicor_cli.scenario.base import MAX_BYTES, refuse_semicolons
 from multicor_cli.scenario.problems import Problem, Refused, ScenarioError, parse_key
 from multicor_cli.scenario.scenario import Scenario, load_scenario
 from multicor_cli.studies.study_file import (
@@ -149,9 +149,7 @@ def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
     if len(lines) < 2:
         remedy = "let the first line name the keys, and each further one give their values"
         raise bad(f"'{name}' has no rows", remedy)
-    if len(lines[0]) == 1 and ";" in lines[0][0]:
-        what = f"'{name}' has semicolons between its keys"
-        raise bad(what, "put commas between them and between values, and points in numbers")
+    refuse_semicolons(lines[0], name, ("vary", "file"))
     keys = [title.strip() for title in lines[0]]
     for key in keys:
         if not key or key in OPTIONS or key in taken or keys.count(key) > 1:
