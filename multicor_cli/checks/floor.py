@@ -216,14 +216,10 @@ def _escapes(run: Prepared) -> Iterator[Measured]:
 
 
 def _beyond(run: Prepared) -> Iterator[Measured]:
-    domain, margin = run.scenario.domain, 2.0 * float(run.model.grains.radius.max(initial=0.0))
-    if domain.is_cell:
-        return
-    middle = 0.5 * np.asarray(domain.size)
-    out = np.abs(run.state.position[run.state.here, :2] - middle) > middle + margin
-    if domain.is_periodic:
-        out[:, 0] = False
-    count = int(out.any(axis=1).sum())
+    margin = 2.0 * float(run.model.grains.radius.max(initial=0.0))
+    low, high = run.scenario.domain.around(margin)
+    place = run.state.position[run.state.here, :2]
+    count = int(np.count_nonzero(((place < low) | (place > high)).any(axis=1)))
     share = count / max(1, run.model.grain_count)
     yield Measured(share, f"{count} of {run.model.grain_count}")
 

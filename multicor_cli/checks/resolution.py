@@ -285,6 +285,12 @@ def _of_materials(run: Prepared, key: str) -> Iterator[Measured]:
             yield Measured(getattr(table, key), name)
 
 
+def _gas(run: Prepared) -> Iterator[Measured]:
+    heat = run.scenario.heat
+    if heat is not None and heat.gas is not None:
+        yield Measured(heat.gas.conductivity)
+
+
 def _diameters(run: Prepared) -> Iterator[Measured]:
     grains = run.model.grains
     for index, name in enumerate(run.model.groups):
@@ -415,6 +421,12 @@ PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
         "Young's modulus", lambda run: _of_materials(run, "young"), unit="Pa", least=1e5,
         meaning=f"Softer than gels, whose grains are not rigid under any load. {_SI}",
         remedy="Give young in Pa: 70 GPa is 70e9.",
+    ),
+    Rule(
+        "gas conductivity", _gas, unit="W/(m K)", least=1e-3, warning=1.0,
+        meaning="Gases conduct from 0.005 (xenon) to 0.5 W/(m K) (hot hydrogen), water 0.6. "
+            f"{_SI}",
+        remedy="Give conductivity of [heat] gas in W/(m K): 26 mW/(m K) is 0.026.",
     ),
     Rule(
         "grain diameter", _diameters, unit="m", least=1e-6, warning=1.0,

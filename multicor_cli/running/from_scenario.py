@@ -183,10 +183,7 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     )
     limits = None
     if scenario.domain.lost != "ignore":
-        # the domain and a margin around it, without limits in the direction of a period
-        (width, height), margin = scenario.domain.size, 2.0 * float(model.grains.radius.max())
-        beyond = math.inf if scenario.domain.is_periodic else margin
-        limits = Rectangle((-beyond, -margin), (width + beyond, height + margin))
+        limits = Rectangle(*scenario.domain.around(2.0 * float(model.grains.radius.max())))
     return InflowRules(
         tuple(release for release in releases if release is not None),
         tuple(outlets),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
@@ -140,6 +141,11 @@ class Domain(Table):
     def periods(self) -> tuple[float, ...]:
         """Periods in x and, of a cell, in y [m]."""
         return self.size if self.is_cell else self.size[:1] if self.is_periodic else ()
+
+    def around(self, margin: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Corners of the domain with a ``margin`` [m]; without limits along a period."""
+        x, y = (margin if k >= len(self.periods) else math.inf for k in range(2))
+        return (-x, -y), (self.size[0] + x, self.size[1] + y)
 
     def is_spanned(self, low: float, high: float, axis: int = 0) -> bool:
         """Whether an interval of x (0) or y (1) is the period (to 1e-9); never without one."""

@@ -141,8 +141,12 @@ def ramp(*ends):
     ("highest temperature", melting(340.0), BAD, "350 K, wall floor"),
     ("highest temperature", melting(400.0), OK, "350 K, wall floor"),
     ("highest temperature", [("value = 300.0,", "value = 5000.0,")], BAD, "a grain of"),
+    ("gas conductivity", [], OK, "0.026 W/(m K)"),
+    ("gas conductivity", [('0.026, model = "batchelor"', "26.0")], WARNING, "26 W/(m K)"),
 ])  # fmt: skip
-def test_temperatures_in_degrees_and_that_no_solid_bears(name, changes, verdict, what, tmp_path):
+def test_temperatures_in_degrees_that_no_solid_bears_and_gas_in_milliwatts(
+    name, changes, verdict, what, tmp_path
+):
     found = checked(tmp_path, HEATED, *changes)[name]
     assert found.verdict is verdict
     assert what in found.text
