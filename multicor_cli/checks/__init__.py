@@ -54,13 +54,15 @@ class ChecksFailed(Exception):
     exit_code = 4
 
     def __init__(self, checks: list[Check]) -> None:
-        bad = [
-            f"{check.name}: {check.text}, {check.limit}"
-            for check in checks
-            if check.verdict is Verdict.BAD
-        ]
-        super().__init__("; ".join(bad))
+        super().__init__(checks)
         self.checks = checks
+
+    def __str__(self) -> str:
+        return "; ".join(
+            f"{check.name}: {check.text}, {check.limit}"
+            for check in self.checks
+            if check.verdict is Verdict.BAD
+        )
 
 
 def check_prepared(prepared: Prepared) -> list[Check]:

@@ -108,9 +108,12 @@ class PhysicsError(Exception):
     exit_code = 4
 
     def __init__(self, step: int, message: str) -> None:
-        super().__init__(f"step {step}: {message}")
+        super().__init__(step, message)  # as given, so that it can be pickled
         self.step = step
         self.message = message
+
+    def __str__(self) -> str:
+        return f"step {self.step}: {self.message}"
 
 
 class Interrupted(Exception):

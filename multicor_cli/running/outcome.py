@@ -127,11 +127,15 @@ class StageTimeout(Exception):
     exit_code = ExitCode.PHYSICS
 
     def __init__(self, end: StageEnd) -> None:
+        super().__init__(end)
+        self.end = end
+
+    def __str__(self) -> str:
+        end = self.end
         again = (
             f"the same command with --set 'loading.{end.stage}.on_timeout=go on' goes on from here"
         )
-        super().__init__(f"stage {end.name}: {end.text}; {again}")
-        self.end = end
+        return f"stage {end.name}: {end.text}; {again}"
 
 
 class StopReason(Enum):

@@ -29,10 +29,14 @@ class StorageFull(StorageError):
     """
 
     def __init__(self, path: Path, needed: int = 0, free: int = 0) -> None:
+        super().__init__(path, needed, free)
         self.path, self.needed, self.free = path, needed, free
-        sizes = f" ({needed / 1e6:.1f} MB needed, {free / 1e6:.1f} MB free)" if needed else ""
-        super().__init__(
-            f"{path}: no space left{sizes}; free some space and give the same command again"
+
+    def __str__(self) -> str:
+        sizes = f" ({self.needed / 1e6:.1f} MB needed, {self.free / 1e6:.1f} MB free)"
+        return (
+            f"{self.path}: no space left{sizes if self.needed else ''}; free some space and give "
+            "the same command again"
         )
 
 
@@ -69,9 +73,13 @@ class NothingStored(DamagedRun):
     exit_code = 6
 
     def __init__(self, path: Path) -> None:
-        super().__init__(
-            f"{path}: the run has stored nothing yet; if it does not go on, give the command that "
-            "began it again"
+        super().__init__(path)
+        self.path = path
+
+    def __str__(self) -> str:
+        return (
+            f"{self.path}: the run has stored nothing yet; if it does not go on, give the command "
+            "that began it again"
         )
 
 

@@ -90,8 +90,11 @@ class CannotIntegrate(ArithmeticError):
     """Temperatures cannot be integrated further: ``why`` follows the name of a grain or body."""
 
     def __init__(self, node: int, why: str) -> None:
-        super().__init__(f"node {node} {why}")
+        super().__init__(node, why)
         self.node, self.why = node, why
+
+    def __str__(self) -> str:
+        return f"node {self.node} {self.why}"
 
 
 @dataclass(frozen=True, kw_only=True)
