@@ -34,7 +34,9 @@ class ExportRefused(StoreError):
 
 def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
     """The frames of a slice, or all, read when they are used; `ExportError` if there is none."""
-    chosen = run.frames[frames or slice(None)]
+    if not (frames is None or isinstance(frames, slice)):
+        raise TypeError(f"frames is a slice, as slice(-10, None), is {frames!r}")
+    chosen = run.frames[slice(None) if frames is None else frames]
     if not chosen:
         raise ExportError(f"{run.path}: there are no such frames: {what_frames(len(run.frames))}")
     return chosen

@@ -14,7 +14,16 @@ from multicor_cli.model.columns import RADIUS, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.post.cuts import Cut, reach_of
-from multicor_cli.post.source import Frame, PostError, Run, frames_of, model_of, need_grains
+from multicor_cli.post.source import (
+    BIN_LIMIT,
+    Frame,
+    PostError,
+    Run,
+    bin_count,
+    frames_of,
+    model_of,
+    need_grains,
+)
 from multicor_cli.text import choices
 
 # ---- Sharing grains and lines out among horizontal bins by exact area and length
@@ -324,9 +333,6 @@ def _are_round(model: Model) -> NDArray[np.bool_]:
 
 # ---- Bins, frame by frame
 
-BIN_LIMIT = 100_000
-"""Largest number of bins; more is taken for a mistake."""
-
 WALL_LAYER = 1.0
 """Mean diameters at a wall that profiles leave out by default: walls order the grains there."""
 
@@ -406,6 +412,8 @@ def make_bins(
     Raises:
         PostError: If they are too few or many, no room is left, or ``between`` is no such walls.
     """
+    if bins is not None and bin_width is not None:
+        raise PostError("the number of bins and their width exclude each other")
     extent = find_extent(source, chosen, between)
     diameter = source.model.mean_diameter
     if exclude_walls is None:
@@ -429,9 +437,9 @@ def make_bins(
             f"bins cannot be {bin_width:g} mean diameters wide: choose at least {least:.2g}"
         )
     wide = (bin_width or 1.0) * diameter
-    count = max(round(min(height / wide, 2.0 * BIN_LIMIT)), 1) if bins is None else bins
-    if not 1 <= count <= BIN_LIMIT:
-        raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
+    if bins is None:
+        bins = max(round(min(height / wide, 2.0 * BIN_LIMIT)), 1)
+    count = bin_count(bins)
     return Bins(extent, height / count, count, bottom, edge)
 
 

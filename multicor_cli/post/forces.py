@@ -15,6 +15,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    bin_count,
     frame_index,
     frames_of,
     frames_told,
@@ -189,7 +190,7 @@ def force_distribution(
         StoreError: If the run cannot be read.
     """
     chosen, contacts = _between_grains(source, selection)
-    edges = np.geomspace(_SMALLEST, _LARGEST, bins + 1)
+    edges = np.geomspace(_SMALLEST, _LARGEST, bin_count(bins) + 1)
     normal, tangential = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
     normal_sum, tangential_sum, count, tangential_count = 0.0, 0.0, 0, 0
     width = np.diff(edges)
@@ -254,7 +255,7 @@ def angular_distribution(
         PostError: If these frames have no contact forces between grains, or ``bins`` is odd or < 4.
         StoreError: If the run cannot be read.
     """
-    if bins < 4 or bins % 2:
+    if bin_count(bins) < 4 or bins % 2:
         raise PostError(f"{bins} bins of directions: choose an even number, 4 or more")
     chosen, contacts = _between_grains(source, selection)
     half = bins // 2

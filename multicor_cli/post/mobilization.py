@@ -21,6 +21,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    bin_count,
     frames_of,
     frames_told,
     model_of,
@@ -191,7 +192,7 @@ def mobilization(source: Run, selection: Selection | None = None, bins: int = BI
         StoreError: If the run cannot be read.
     """
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    laws, edges = laws_over_time(source), np.linspace(0.0, 1.0, bins + 1)
+    laws, edges = laws_over_time(source), np.linspace(0.0, 1.0, bin_count(bins) + 1)
     counts, sums = [], []
     for frame in frames_of(source, chosen):
         model = model_of(source, frame)

@@ -86,6 +86,12 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
             rectangle and wider than the period, or the run is one of a cell.
         StoreError: If the run cannot be read.
     """
+    if not isinstance(area, Area):
+        raise TypeError(f"area is a Rectangle, Annulus or Polygon, is {type(area).__name__}")
+    if not 0.0 < area.size < np.inf:
+        raise PostError(
+            f"the region has an area of {area.size:g} m²: are its corners, or its radii, swapped?"
+        )
     remedy = "use post rheology for all of it, post profile or post fields for parts"
     refuse_cell(source.model, "a region is not looked for among the images", remedy)
     chosen = (selection or Selection()).indices(source.frames)

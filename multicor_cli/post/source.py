@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,21 @@ class PostError(Exception):
     """What was asked for cannot be computed from this run: one message for the user."""
 
     exit_code = 2
+
+
+BIN_LIMIT = 100_000
+"""Largest number of bins; more is taken for a mistake."""
+
+
+def bin_count(bins: int) -> int:
+    """A number of bins; raises `PostError` if it is no whole one from 1 to `BIN_LIMIT`."""
+    try:
+        count = operator.index(bins)
+    except TypeError:
+        raise PostError(f"the number of bins must be a whole one, is {bins!r}") from None
+    if not 1 <= count <= BIN_LIMIT:
+        raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
+    return count
 
 
 def model_of(source: Run, frame: Frame) -> Model:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.lattice import Lattice, lattice_of, pair_sums
 from multicor_cli.post.source import (
+    BIN_LIMIT,
     Frame,
     PostError,
     Run,
     Selection,
+    bin_count,
     frames_of,
     frames_told,
     need_grains,
@@ -210,8 +211,8 @@ def distance_bins(
     They are about ``wide`` and go to `REACH` unless told otherwise. Raises `PostError` of what does
     not fit.
     """
-    if bins is not None and not 1 <= bins <= BIN_LIMIT:
-        raise PostError(f"{bins} bins: choose between 1 and {BIN_LIMIT}")
+    if bins is not None:
+        bins = bin_count(bins)
     if reach is None:
         if bins is None:
             bins = int(min(REACH / wide, limit / wide - 0.5))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import html
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -112,7 +113,8 @@ class Table:
         if unknown := changes.keys() - self._by_name:
             message = f"{type(self).__name__} has no {', '.join(sorted(unknown))}"
             raise TypeError(message)
-        changed = object.__new__(type(self))
+        changed = copy.copy(self)
+        changed.__dict__.pop("_by_name", None)
         changed.columns, changed.details = (
             tuple(c._replace(values=changes.get(c.name, c.values)) for c in columns)
             for columns in (self.columns, self.details)
@@ -228,6 +230,18 @@ class TimeTable(Table):
         if details is None:
             details = [column._replace(label="") for column in quantities]
         super().__init__((), facts or {}, (Column("time", "s", time), *details), **parts)
+
+    def with_(self, **changes: Any) -> Self:
+        """The same table with other values of some quantities, facts or parts."""
+        changed = super().with_(**changes)
+        changed.time = changes.get("time", self.time)
+        changed.quantities = tuple(
+            c._replace(values=changes.get(c.name, c.values)) for c in self.quantities
+        )
+        if "time" in changes or any(column.name in changes for column in self.quantities):
+            for name in ("values", "mean", "spread"):  # which are worked out anew
+                changed.__dict__.pop(name, None)
+        return changed
 
     @cached_property
     def values(self) -> dict[str, Floats]:

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import BIN_LIMIT, wall_spans
+from multicor_cli.post.bins import wall_spans
 from multicor_cli.post.cuts import reach_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    bin_count,
     frame_index,
     frames_of,
     model_of,
@@ -103,9 +104,7 @@ def theta_eta(
     single = [_of_frame(source, each, wall, start) for each in frames_of(source, chosen)]
     number, hot, reach = single[-1].wall, single[-1].hot, single[-1].reach
     full = reach if height is None else height
-    count = bins if bins is not None else max(round(full / source.model.mean_diameter), 1)
-    if not 1 <= count <= BIN_LIMIT:
-        raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
+    count = bin_count(max(round(full / source.model.mean_diameter), 1) if bins is None else bins)
     eta = np.concatenate([one.distance for one in single]) / full
     theta = np.concatenate([one.theta for one in single])
     mean, deviation, lowest, highest, number_of_grains = _statistics(eta, theta, count)

@@ -12,13 +12,13 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.optional import library
-from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.lattice import Complexes, in_plane, lattice_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    bin_count,
     frames_of,
     frames_told,
     model_of,
@@ -359,12 +359,10 @@ def voronoi(
         MissingLibrary: If SciPy is not installed.
         StoreError: If the run cannot be read.
     """
-    if bins is not None and not 1 <= bins <= BIN_LIMIT:
-        raise PostError(f"{bins} bins: choose between 1 and {BIN_LIMIT}")
     diameter, edge = source.model.mean_diameter, margin_of(source.model, margin)
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
-    count = bins or _BINS
+    count = _BINS if bins is None else bin_count(bins)
     rows = np.array([_sums(source, f, edge, count) for f in frames_of(source, chosen)])
     if not rows[:, 1].any():
         raise PostError(

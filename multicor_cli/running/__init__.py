@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: Scenario | str | Path,
-    directory: str | Path | None = None,
+    scenario: Scenario | str | PathLike[str],
+    directory: str | PathLike[str] | None = None,
     *,
     overrides: Sequence[str] = (),
     threads: int = 0,
@@ -27,7 +28,9 @@ def run(
 ) -> RunOutcome:
     """Run a scenario, or continue a run that was stopped: the same call does both.
 
-    SIGINT (Ctrl-C), SIGTERM and SIGHUP stop the run after a checkpoint; the outcome then says so.
+    SIGINT (Ctrl-C, in a notebook *interrupt*), SIGTERM and SIGHUP stop the run after a checkpoint;
+    the outcome then says so. Kernels that compile, and a step, come to their end before. In a
+    thread other than the main one Python hears of no signal: end it by ``max_hours`` or ``steer``.
 
     Args:
         scenario: A scenario, or the path of a scenario file.
@@ -55,30 +58,43 @@ def run(
         StageTimeout: If the condition of a stage was not reached in time, and that is to stop the
             run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
-        Exception: What ``steer`` raises, after a checkpoint: the same call goes on before the step
-            after which it failed.
-        TypeError: If ``observer`` lacks a method of an `Observer`.
+        Exception: What ``steer`` or ``observer`` raises, after a checkpoint: the same call goes on,
+            before the step after which ``steer`` failed, or after that of which the observer was
+            told.
+        TypeError: If ``scenario`` is neither a scenario nor a path, if ``observer`` lacks a method
+            of an `Observer`, or ``steer`` cannot be called.
         ValueError: If the name of the directory is empty, there cannot be so many threads,
             ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``; if
-            ``steer_every`` is less than 1.
+            ``max_hours`` is not positive, or ``steer_every`` less than 1.
     """
     if overwrite and extend:
         raise ValueError("a run is either extended or overwritten")
     if directory == "":
         raise ValueError("the name of the run directory is empty")
     methods = () if observer is None else ("message", "warning", "stepped", "closed")
-    if missing := [name for name in methods if not hasattr(observer, name)]:
+    if missing := [name for name in methods if not callable(getattr(observer, name, None))]:
         raise TypeError(
             "an observer has the methods of multicor_cli.Observer; this one lacks "
             f"{', '.join(missing)}"
         )
+    if isinstance(observer, type):
+        raise TypeError(f"an observer is an object: give {observer.__name__}(), not the class")
+    if steer is not None and not callable(steer):
+        raise TypeError(f"steer is a function of a LiveRun, is {steer!r}")
+    if max_hours is not None and not max_hours > 0.0:
+        raise ValueError(f"max_hours must be positive, is {max_hours}")
     if steer_every < 1:
         raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
     from multicor_cli.running.machine import reserve_threads
-    from multicor_cli.scenario.scenario import load_scenario
+    from multicor_cli.scenario.scenario import Scenario, load_scenario
 
-    if isinstance(scenario, str | Path):
-        scenario = load_scenario(scenario, overrides)
+    if isinstance(scenario, str | PathLike):
+        scenario = load_scenario(Path(scenario), overrides)
+    elif not isinstance(scenario, Scenario):
+        raise TypeError(
+            "scenario is a Scenario, as of load_scenario or Scenario.from_dict, or the path of a "
+            f"file; is {type(scenario).__name__}"
+        )
     elif overrides:
         raise ValueError("overrides need the path of a scenario file: give them to load_scenario")
     count = reserve_threads(threads or scenario.solver.threads)

@@ -16,7 +16,15 @@ from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.state import find_absurd_value
 from multicor_cli.running.conditions import StepDone, is_due, update_peak
-from multicor_cli.running.outcome import Observer, SilentObserver, StageTimeout, Status, StopReason
+from multicor_cli.running.outcome import (
+    OBSERVED,
+    STEERED,
+    Observer,
+    SilentObserver,
+    StageTimeout,
+    Status,
+    StopReason,
+)
 from multicor_cli.running.plan import RunPlan, StagePlan, begin_stage, foresee_steps
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steering
@@ -147,6 +155,7 @@ class Controller:
     6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint.
        If its time ran out and that is to stop the run: a checkpoint with the state where it is, and
        `StageTimeout`. Told to go on, the run starts from here.
+    7. The observer is told. If it fails, a checkpoint.
 
     A checkpoint is thus taken only where everything due has been written, and what is due depends
     on the state alone. That makes a resumed run equal to one that was never stopped.
@@ -285,7 +294,8 @@ class Controller:
             return False
         try:
             plan = self.steering.ask(self.engine.state, stage, report, self.engine.contacts)
-        except BaseException:
+        except BaseException as error:
+            error.add_note(STEERED)
             self.recorder.checkpoint(self.steering.go_back())
             raise
         if plan is not None:
@@ -340,7 +350,12 @@ class Controller:
         self._pace.note(now, self._steps, progress)
         count, speed, left = len(self.plan.stages), self._pace.speed(), self._pace.remaining()
         status = Status(state, stage.name, count, report, progress, speed, left)
-        self.observer.stepped(status)
+        try:
+            self.observer.stepped(status)
+        except BaseException as error:
+            error.add_note(OBSERVED)
+            self._checkpoint()
+            raise
         if now - self._last_heartbeat >= HEARTBEAT:
             self._last_heartbeat = now
             self.recorder.heartbeat({

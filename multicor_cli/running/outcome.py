@@ -63,6 +63,10 @@ class SilentObserver:
     message = warning = stepped = closed = _ignore
 
 
+STEERED, OBSERVED = "the program that steers the run", "the observer"
+"""Notes on errors (`BaseException.add_note`) that come from what the user has written."""
+
+
 # ---- How it has ended
 
 

@@ -26,6 +26,8 @@ from multicor_cli.running.estimate import compilation
 from multicor_cli.running.from_scenario import heat_settings, inflow_rules, make_plan, stage_names
 from multicor_cli.running.machine import keep_freed_memory, shared_compilation
 from multicor_cli.running.outcome import (
+    OBSERVED,
+    STEERED,
     ExitCode,
     Observer,
     RunOutcome,
@@ -80,7 +82,6 @@ class Session:
     review: Review | None = None
 
     def __post_init__(self) -> None:
-        self._steering: Steering | None = None
         self._compiles = False
         self._started = time.monotonic()
 
@@ -150,6 +151,7 @@ class Session:
         extension = self._find_extension(scenario, before)
         with RunDirectory.resume(self.path, extension=extension) as directory:
             if directory.is_finished:
+                open_run(self.path).close()  # finished, if its results are still there
                 summary = document["summary"]
                 return RunOutcome(
                     StopReason.ALREADY_FINISHED,
@@ -258,9 +260,10 @@ class Session:
     ) -> RunOutcome:
         model, state = placed.model, placed.state
         with self._recording_failure(directory):
+            steering = None
             if self.steer is not None:
-                self._steering = Steering(self.steer, scenario, model, directory)
-                scenario = self._steering.scenario
+                steering = Steering(self.steer, scenario, model, directory)
+                scenario = steering.scenario
             plan = make_plan(scenario, model, state)
             first = 0.0 if directory.origin is None else directory.origin.time
             starts = [first] if state.stage == 0 else stage_starts(self.path, state, plan, first)
@@ -286,7 +289,7 @@ class Session:
                 stop_signals=self.stop_signals,
                 deadline=None if self.max_seconds is None else self._started + self.max_seconds,
                 stage_starts=starts,
-                steering=self._steering,
+                steering=steering,
             )
             reason = controller.run(is_new=is_new)
             timings = {"wall": time.monotonic() - self._started, **engine.timers}
@@ -312,10 +315,11 @@ class Session:
             if directory.status == "running":
                 with contextlib.suppress(StoreError, MemoryError):
                     code, reason = exit_code_of(error), str(error)
-                    if self._steering is not None and self._steering.has_failed:
-                        reason = f"the program that steers the run: {type(error).__name__}: {error}"
-                    elif code is ExitCode.BUG:
-                        reason = f"internal error: {type(error).__name__}: {error}"
+                    notes = getattr(error, "__notes__", ())
+                    whose = next((who for who in (STEERED, OBSERVED) if who in notes), "")
+                    if whose or code is ExitCode.BUG:
+                        where = whose or "internal error"
+                        reason = f"{where}: {type(error).__name__}: {error}"
                     directory.finish("failed", stop_reason=reason, exit_code=code)
             raise
 

@@ -1,7 +1,8 @@
 """Signals as flags: the controller looks at them between two steps, where the state can be saved.
 
 SIGINT, SIGTERM and SIGHUP ask for a checkpoint and a stop, SIGUSR1 for a checkpoint. A second
-request to stop ends the process at once, which the commit protocol of the files survives. While
+request to stop ends a process that is ours at once, which the commit protocol of the files
+survives; another, such as that of a notebook, waits for what the first has asked for. While
 kernels compile there is no "between two steps" for half a minute, nor is there anything to save:
 inside `exit_at_once` a signal then ends the process out of the handler. (An exception that is
 raised there would have to find its way through the machine code of a compiler, which crashes now
@@ -33,7 +34,7 @@ class StopSignals:
     """
 
     def __init__(self, *, may_exit: bool = False) -> None:
-        """Set up; ``may_exit``: the process is ours to end, else `exit_at_once` has no effect."""
+        """Set up; ``may_exit``: the process is ours to end, else no signal ends it at once."""
         self.stop_signal: int | None = None
         self.is_checkpoint_wanted = False
         self.on_exit: Callable[[int], None] = lambda number: None
@@ -82,7 +83,9 @@ class StopSignals:
             self.is_checkpoint_wanted = True
             return
         if self.stop_signal is not None:
-            _exit_now(number)
+            if self._may_exit:
+                _exit_now(number)
+            return
         self.stop_signal = number
         if self._is_impatient:
             self._leave(number)

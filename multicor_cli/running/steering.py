@@ -27,6 +27,7 @@ from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store.documents import record_of
 from multicor_cli.store.frames import GrainFacts
 from multicor_cli.store.rundir import RunDirectory
+from multicor_cli.store.schema.rows import read_only
 
 Array = NDArray[Any]
 
@@ -141,7 +142,7 @@ class LiveRun:
         return None if thermal is None else self._of_grains(self._state.temperature(thermal))
 
     def _of_grains(self, values: Array) -> Array:
-        return _read_only(values[self._state.here])
+        return read_only(values[self._state.here])
 
     @property
     def walls(self) -> dict[str, WallNow]:
@@ -150,7 +151,7 @@ class LiveRun:
         # Nothing moved
         force = impulse / self.dt if impulse.size else np.zeros_like(state.wall_position)
         surface = state.wall_surface.tolist() or [0.0] * len(force)
-        columns = (_read_only(each) for each in (state.wall_position, state.wall_velocity, force))
+        columns = (read_only(each) for each in (state.wall_position, state.wall_velocity, force))
         rows = zip(self._model.walls.names, *columns, surface, strict=True)
         return {name: WallNow(*row) for name, *row in rows}
 
@@ -186,7 +187,6 @@ class Steering:
         self._steer, self._model, self._directory = steer, model, directory
         self._record = directory.steering or {}
         self._kept: tuple[State, dict[str, Any]] | None = None
-        self.has_failed = False
         decisions = [record_of(Decision, document) for document in self._record["decisions"]]
         self.scenario = _changed(scenario, decisions) if decisions else scenario
         directory.rename_stages(stage_names(self.scenario))
@@ -216,7 +216,6 @@ class Steering:
         `ValueError` if its notes cannot be kept.
         """
         now = LiveRun(state, self._model, stage, report, contacts, self._record["notes"])
-        self.has_failed = True  # until it has come to its end
         self._steer(now)
         self._record["notes"] = _json_of(now.notes)
         plan = None
@@ -231,7 +230,6 @@ class Steering:
                 then = self.scenario.as_dict()["loading"][state.stage + 1]
             self._record["decisions"].append(replace(decision, then=then).as_document())
             self._directory.rename_stages(stage_names(self.scenario))
-        self.has_failed = False
         return plan
 
     def go_back(self) -> State:
@@ -244,12 +242,6 @@ class Steering:
 def _changed(scenario: Scenario, decisions: list[Decision]) -> Scenario:
     document = steered_document(scenario.as_dict(), decisions)
     return Scenario.from_dict(document, directory=scenario.path.parent)
-
-
-def _read_only(values: Array) -> Array:
-    view = values.view()
-    view.flags.writeable = False
-    return view
 
 
 def _json_of(notes: Any) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from pathlib import Path
 
 
@@ -92,7 +93,11 @@ class NoFrame(IndexError):
 
 
 def frame_number(count: int, number: int) -> int:
-    """A frame's number, from 0; a negative one counts from the end. Raises `NoFrame`."""
+    """A frame's number, from 0; a negative one counts from the end. Raises `NoFrame`.
+
+    As with a list, what is no whole number is a `TypeError`.
+    """
+    number = operator.index(number)
     if not count or not -count <= number < count:
         raise NoFrame(f"there is no frame {number}: {what_frames(count)}")
     return number % count

@@ -32,6 +32,7 @@ from multicor_cli.store.schema.rows import (
     KeptColumns,
     StepColumns,
     WallColumns,
+    read_only,
 )
 from multicor_cli.text import count_noun
 
@@ -198,7 +199,7 @@ class Parts:
 
 @dataclass(frozen=True, repr=False)
 class GrainFacts:
-    """What grains are that does not change; every array has shape ``(n,)``.
+    """What grains are that does not change; every array has shape ``(n,)`` and is read-only.
 
     Attributes:
         radius: Radius a [m]; of a grain that is no disc, how far it reaches from its center.
@@ -219,7 +220,8 @@ class GrainFacts:
         grains = model.grains
         material = np.array(model.materials)[grains.material]
         group = np.array(model.groups)[grains.group]
-        return cls(grains.radius, grains.mass, grains.inertia, material, group)
+        columns = grains.radius, grains.mass, grains.inertia, material, group
+        return cls(*map(read_only, columns))
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -377,6 +379,7 @@ def _are_within(numbers: Array, count: int) -> bool:
 
 class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     """One frame; ``n`` grains, ``w`` walls. Every array is read when it is first used, and kept.
+    Arrays are read-only: copy what is to be changed.
 
     Where grains come and go, the attributes are those of the ``n`` present grains, and contacts
     count shapes among these; `number` says which grains they are, and `model` is made of them.
@@ -534,17 +537,17 @@ class Frames(Sequence[Frame]):
     @cached_property
     def step(self) -> Array:
         """Step of every frame, shape ``(K,)``."""
-        return self.column("steps/step")
+        return read_only(self.column("steps/step"))
 
     @cached_property
     def time(self) -> Array:
         """Time of every frame [s], shape ``(K,)``."""
-        return self.column("steps/time")
+        return read_only(self.column("steps/time"))
 
     @cached_property
     def stage(self) -> Array:
         """Loading stage of every frame, shape ``(K,)``."""
-        return self.column("steps/stage")
+        return read_only(self.column("steps/stage"))
 
     def column(self, path: str) -> Array:
         """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``): all rows."""

@@ -47,6 +47,7 @@ from multicor_cli.store.lock import is_alive, read_holder
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import load_model, read_description, read_model
 from multicor_cli.store.schema import Dataset
+from multicor_cli.store.schema.rows import read_only
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 from multicor_cli.store.segments import segment_dims
 from multicor_cli.store.snapshot import empty_summary
@@ -55,6 +56,7 @@ from multicor_cli.text import count_noun
 
 class Series(Mapping[str, NDArray[Any]]):
     """The time series: an array per name of ``schema.SERIES``, one row per point; read when used.
+    Arrays are read-only: copy what is to be changed.
 
     Names of heat are there in runs with heat only, and no names that are younger than the run.
     """
@@ -75,7 +77,7 @@ class Series(Mapping[str, NDArray[Any]]):
             is_one_file = len(self._parts.parts) == 1
             wanted = [self._specs[name]] if is_one_file else list(self._specs.values())
             columns = self._parts.columns(wanted)
-            self._loaded |= {spec.name: columns[spec.path] for spec in wanted}
+            self._loaded |= {spec.name: read_only(columns[spec.path]) for spec in wanted}
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:

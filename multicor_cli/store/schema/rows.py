@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, fields
 from operator import attrgetter
-from typing import Any, Generic, NoReturn, Protocol, Self, TypeVar, overload
+from typing import Any, Generic, NoReturn, Protocol, Self, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,14 @@ class Dataset(Stored):
         return tuple(dim if isinstance(dim, int) else lengths.get(dim, 0) for dim in self.dims)
 
 
+def read_only(value: T) -> T:
+    """A view of an array that cannot be written to; anything else as it is."""
+    if isinstance(value, np.ndarray):
+        value = cast("T", value.view())
+        cast("NDArray[Any]", value).flags.writeable = False
+    return value
+
+
 class Reader(Protocol):
     """What has columns: a frame, and its contacts."""
 
@@ -90,6 +98,8 @@ class Reader(Protocol):
 @dataclass(frozen=True, kw_only=True)
 class Column(Dataset, Generic[T]):
     """A row about frames, which is also a frame's attribute: read when it is first used, and kept.
+
+    Arrays are read-only: who changed one would change what others find there later.
 
     Attributes:
         convert: Makes the value of the attribute of what is stored.
@@ -111,7 +121,7 @@ class Column(Dataset, Generic[T]):
             return self
         kept: dict[str, T] = vars(reader)
         if self.path not in kept:
-            kept[self.path] = reader.read(self)
+            kept[self.path] = read_only(reader.read(self))
         return kept[self.path]
 
     def __set__(self, reader: Reader, value: object) -> NoReturn:

@@ -96,6 +96,11 @@ def test_walls_and_the_series_with_nothing_for_nan(run, out):
     check(table, "heat_closure", run.series["heat_closure"])
 
 
+def test_frames_are_a_slice(run, tmp_path):
+    with pytest.raises(TypeError, match="frames is a slice"):
+        export_csv(run, tmp_path / "out", 0)
+
+
 def test_the_list_of_frames(run, tmp_path):
     assert export_csv(run, tmp_path / "out", slice(2, 9, 3)) == 3
     table = read(tmp_path / "out" / "frames.csv")

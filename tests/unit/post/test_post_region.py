@@ -107,6 +107,18 @@ def test_where_nothing_is_it_says_so(run):
         in_region(run, Annulus((0.0, 1e3), 0.005), ALL)
 
 
+@pytest.mark.parametrize("area", [
+    Annulus((0.01, 0.01), 0.001, 0.002), Rectangle((0.0, 0.0), (np.nan, 1.0)),
+    Rectangle((0.0, 0.0), (0.0, 1.0)), Rectangle((1.0, 0.0), (0.0, 1.0)),
+    Polygon(np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])),
+])  # fmt: skip
+def test_a_region_has_an_area(area, run):
+    with pytest.raises(PostError, match="swapped"):
+        in_region(run, area, ALL)
+    with pytest.raises(TypeError, match="is dict"):
+        in_region(run, {"min": [0.0, 0.0], "max": [1.0, 1.0]}, ALL)
+
+
 def test_what_is_wider_than_the_period_is_a_rectangle(run):
     wide = Annulus((0.0, 0.005), 0.02)
     if run.model.period:

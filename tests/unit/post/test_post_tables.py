@@ -42,6 +42,37 @@ def test_tables_show_themselves(column):
     assert table._repr_html_().count("<tr>") == 4
 
 
+def test_other_values_leave_everything_else_as_it_is(column):
+    table = post.energy(column).with_(time=post.energy(column).time + 1.0)
+    assert table.time[0] == post.energy(column).time[0] + 1.0
+    table = post.series(column, ["kinetic", "max_overlap"])
+    other = table.with_(kinetic=2.0 * table.values["kinetic"])
+    assert other.mean["kinetic"] == pytest.approx(2.0 * table.mean["kinetic"])
+    assert other.mean["max_overlap"] == table.mean["max_overlap"]
+    assert other.rows[0][1] == other.mean["kinetic"]
+    assert other.as_dict().keys() == table.as_dict().keys()
+
+
+@pytest.mark.parametrize("bins", [0, -3, 10**9, 3.5, "many"])
+@pytest.mark.parametrize("command", [
+    lambda run, bins: post.profile(run, "velocity", bins=bins),
+    lambda run, bins: post.force_distribution(run, bins=bins),
+    lambda run, bins: post.angular_distribution(run, bins=bins),
+    lambda run, bins: post.mobilization(run, bins=bins),
+    lambda run, bins: post.pair_correlation(run, bins=bins),
+    lambda run, bins: post.voronoi(run, bins=bins),
+    lambda run, bins: post.theta_eta(run, wall="top", bins=bins),
+])  # fmt: skip
+def test_numbers_of_bins_are_whole_and_not_too_many(command, bins, column):
+    with pytest.raises(post.PostError, match=r"must be a whole one|choose between 1 and 100000"):
+        command(column, bins)
+
+
+def test_bins_have_a_number_or_a_width(column):
+    with pytest.raises(post.PostError, match="exclude each other"):
+        post.profile(column, "velocity", bins=4, bin_width=2.0)
+
+
 def test_theta_of_several_frames(column):
     chosen = post.Selection(frames=slice(-3, None))
     several = post.theta_eta(column, selection=chosen, wall="top", bins=4)

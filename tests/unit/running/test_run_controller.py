@@ -270,6 +270,15 @@ def test_stop_signals_are_collected_and_handlers_put_back():
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+def test_a_process_of_others_waits_for_the_first_signal():
+    """Whoever interrupts a notebook twice does not lose all that is in it."""
+    stop_signals = StopSignals()
+    with stop_signals.installed(), stop_signals.exit_at_once():
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert stop_signals.stop_signal == signal.SIGINT
+
+
 def ends_by(act, on_exit, numbers):
     """Exit code of a process that signals end at once while ``act`` is done with what collects."""
     child = os.fork()

@@ -2,6 +2,7 @@
 is the same run."""
 
 import json
+import shutil
 import signal
 import threading
 from pathlib import Path
@@ -19,7 +20,7 @@ from multicor_cli.running.outcome import SilentObserver, StopReason, exit_code_o
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.store import StorageFull, open_run, run_info
+from multicor_cli.store import DamagedRun, StorageFull, open_run, run_info
 
 KEPT = """
 [[loading]]
@@ -203,6 +204,16 @@ def test_domain_too_narrow_for_the_engine_is_a_problem_of_the_scenario(tmp_path)
     text = SMALL.replace("0.02", "0.003").replace("count = 60", "count = 6")
     with pytest.raises(ScenarioError, match=r"the period .* widen the domain"):
         run_scenario(parse_scenario(text, tmp_path / "narrow.toml"), tmp_path / "run")
+
+
+@pytest.mark.parametrize(("damage", "message"), [
+    (Path.unlink, "missing"), (lambda file: file.write_bytes(b"text"), "it was cut or replaced"),
+])  # fmt: skip
+def test_a_run_without_its_results_is_not_finished(damage, message, path, reference, tmp_path):
+    copy = shutil.copytree(reference.directory, tmp_path / "run")
+    damage(copy / "results.h5")
+    with pytest.raises(DamagedRun, match=message):
+        run_scenario(path, copy)
 
 
 def test_runs_in_other_threads_leave_signals_alone(path, reference, tmp_path):

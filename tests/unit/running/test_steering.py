@@ -1,6 +1,7 @@
 """A program steers a run: it ends stages, adds others, ends the run; what it did is kept, and can
 be done again without it."""
 
+import math
 import re
 import signal
 import subprocess
@@ -318,7 +319,38 @@ def test_an_observer_hears_of_every_step_and_what_is_none_is_refused(tmp_path):
     shorter = ["loading.1.until.strain.value=0.01"]
     outcome = run(scene, tmp_path / "run", overrides=shorter, observer=watch, threads=1)
     assert (watch.steps, watch.ended) == (outcome.step, 1)
-    with pytest.raises(TypeError, match="lacks message, warning, stepped, closed"):
-        run(scene, tmp_path / "other", observer=print)
     with pytest.raises(ValueError, match="name of the run directory is empty"):
         run(scene, "")
+
+
+@pytest.mark.parametrize(("wrong", "message"), [
+    ({"observer": print}, "lacks message, warning, stepped, closed"),
+    ({"observer": Watch}, r"give Watch\(\), not the class"),
+    ({"steer": 5}, "steer is a function of a LiveRun, is 5"),
+    ({"scenario": {"domain": {}}}, "as of load_scenario or Scenario.from_dict.*; is dict"),
+    ({"max_hours": math.nan}, "max_hours must be positive, is nan"),
+    ({"max_hours": -1.0}, "max_hours must be positive, is -1"),
+])  # fmt: skip
+def test_what_is_wrong_is_said_before_anything_begins(wrong, message, tmp_path):
+    given = {"scenario": write_small(tmp_path), **wrong}
+    with pytest.raises((TypeError, ValueError), match=message):
+        run(**given, directory=tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("step", [1, 20, 53])
+def test_an_observer_that_fails_loses_nothing(step, tmp_path):
+    run(scenario(), tmp_path / "whole", steer=when_pushed)
+
+    class Failing(Watch):
+        def stepped(self, status):
+            if status.state.step == step:
+                raise ZeroDivisionError("no idea")
+
+    with pytest.raises(ZeroDivisionError, match="no idea"):
+        run(scenario(), tmp_path / "run", steer=when_pushed, observer=Failing())
+    info = run_info(tmp_path / "run")
+    assert (info["status"], info["step"]) == ("failed", step)
+    assert info["stop_reason"] == "the observer: ZeroDivisionError: no idea"
+    assert run(scenario(), tmp_path / "run", steer=when_pushed).is_finished
+    same(tmp_path, "run", "whole")

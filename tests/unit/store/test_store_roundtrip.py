@@ -443,6 +443,24 @@ def test_frames_say_what_they_hold_and_cannot_be_changed(finished):
         run.frames[0].spin = np.zeros(3)
 
 
+def test_arrays_that_are_kept_cannot_be_written_to(heated):
+    """Who converts units in place would change what all tables find later."""
+    with open_run(heated) as run:
+        frame = run.frames[-1]
+        kept = (
+            run.series["time"], run.series["kinetic"], run.frames.time, run.grains.radius,
+            frame.position, frame.temperature, frame.wall_position, frame.contacts.impulse,
+            frame.grains.mass,
+        )  # fmt: skip
+        for values in kept:
+            with pytest.raises(ValueError, match="read-only"):
+                values *= 2.0
+        assert frame.unwrapped.flags.writeable
+        with pytest.raises(TypeError):
+            run.frames[1.0]
+        assert run.frames[np.int64(1)].index == 1
+
+
 def test_info_of_a_run_that_has_just_begun(tmp_path):
     with make_run(tmp_path / "run"):
         info = run_info(tmp_path / "run")
