@@ -146,7 +146,7 @@ def _refuse_many(count: float, spacing: float) -> None:
 
 # ---- Densities, and fields made of them; see `multicor_cli.post.coarse`
 
-_GRAINS = ("area", "mass", "p0", "p1", "spin", "k00", "k01", "k11")
+_GRAINS = ("area", "mass", "p0", "p1", "spin", "k00", "k01", "k11", "c0", "c1")
 _HEAT = ("capacity", "energy")
 _SLOPES = ("m_0", "m_1", "p0_0", "p0_1", "p1_0", "p1_1")
 _STRESS = ("s00", "s01", "s10", "s11")
@@ -266,19 +266,18 @@ def _of_grains(
     found, slopes = np.ascontiguousarray(found.T), np.ascontiguousarray(slopes.T)
     area, mass, px, py, turned, xx, xy, yy = found[:8]
     (mx, px_x, py_x), (my, px_y, py_y) = slopes
+    beside = px, py  # momentum beside the mean flow of a cell, of this frame
     if model.is_cell:
         gradient = gradient_of(frame)
         u, v = mean_flow(points.at, gradient).T
-        xx = xx + 2.0 * u * px + mass * u * u
-        xy = xy + u * py + v * px + mass * u * v
-        yy = yy + 2.0 * v * py + mass * v * v
         px_x, px_y = px_x + mx * u + mass * gradient[XX], px_y + my * u + mass * gradient[XY]
         py_x, py_y = py_x + mx * v, py_y + my * v + mass * gradient[YY]
         px, py = px + mass * u, py + mass * v
     k00, k01, _, k11 = _tensor(xx, xy, xy, yy, points.axis)
     momentum, slope = _vector(px, py, points.axis), _vector(mx, my, points.axis)
     flow = _tensor(px_x, px_y, py_x, py_y, points.axis)
-    return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow, *found[8:]]
+    own = _vector(*beside, points.axis)
+    return [area, mass, *momentum, turned, k00, k01, k11, *own, *slope, *flow, *found[8:]]
 
 
 def _of_contacts(
@@ -332,7 +331,7 @@ def derive(sums: Floats, names: tuple[str, ...], axes: str, diameter: float) -> 
         v = (s["p0"] / m, s["p1"] / m)
         slope = {(i, j): (s[f"p{i}_{j}"] - v[i] * s[f"m_{j}"]) / m for i in (0, 1) for j in (0, 1)}
         shear = 0.5 * (slope[0, 1] + slope[1, 0])
-        kinetic = {(i, j): s[f"k{i}{j}"] - m * v[i] * v[j] for i, j in _SYMMETRIC}
+        kinetic = {(i, j): s[f"k{i}{j}"] - s[f"c{i}"] * s[f"c{j}"] / m for i, j in _SYMMETRIC}
         for k in (0, 1):  # squares: below zero is rounding
             kinetic[k, k] = np.maximum(kinetic[k, k], 0.0)
         found = {

@@ -173,6 +173,13 @@ def _displacements(source: Run, frame: int) -> Floats:
     return np.asarray(np.hypot(*moved.T[:2]))
 
 
+def _rotations(source: Run, frame: int) -> Floats:
+    """Angles by which grains have turned since the first frame [rad], shape ``(n,)``."""
+    first, now = source.frames[0], source.frames[frame]
+    need_same_grains(first, now)
+    return np.asarray(now.angle, np.float64) - np.asarray(first.angle, np.float64)
+
+
 def _heat_rates(source: Run, frame: int) -> Floats:
     """Mean heat of friction and impacts per time since the frame before [W], shape ``(n,)``."""
     after = need_heat(source.frames[frame].generated)
@@ -311,8 +318,8 @@ QUANTITIES: dict[str, GrainQuantity] = {
         GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements,
             scale="from zero"),
         GrainQuantity(
-            "rotation", "rotation since the start", r"\theta", "rad",
-            _each(lambda frame: frame.angle)["of_grain"], "balance", "centered",
+            "rotation", "rotation since the start", r"\theta", "rad", _rotations, "balance",
+            "centered",
         ),
         GrainQuantity(
             "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),

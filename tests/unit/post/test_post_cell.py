@@ -196,6 +196,28 @@ def test_fluctuations_are_those_about_the_mean_flow():
     assert post.grain_map(still, "fluctuation").value == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_mean_flow_that_changes_is_no_fluctuation():
+    """Whatever the cell does from frame to frame, and wherever its flow is zero."""
+    steady, model = flowing(slip=1.0), flowing().model
+    frames = []
+    for k, frame in enumerate(steady.frames):
+        change = (k - 1) * np.array([[3.0, 5.0], [0.0, -4.0]])
+        moved = frame_of(
+            frame.position, velocity=frame.velocity + frame.position @ change.T,
+            wall_position=frame.wall_position,
+            wall_velocity=frame.wall_velocity + [[change[0, 0], change[1, 1], change[0, 1]]],
+            angle=frame.angle,
+        )  # fmt: skip
+        frames.append(moved)
+    names = ("kinetic-stress-xx", "kinetic-stress-xy", "granular-temperature")
+    other, expected = (
+        post.fields(source, names, ALL, spacing=1.0, reach=2.5)
+        for source in (source_of(model, frames), steady)
+    )
+    for name, values in expected.values.items():
+        assert other.values[name] == pytest.approx(values, rel=1e-9, abs=1e-12), name
+
+
 def test_fields_of_a_linear_flow_are_linear_across_the_sides():
     line = ((-2.0, -1.0), (7.0, 5.0))
     table = post.fields(flowing(), ("velocity-x",), ALL, along=line, reach=2.5)
