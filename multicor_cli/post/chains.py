@@ -263,10 +263,11 @@ def chains(source: Run, selection: Selection | None = None, *, angle: float = AN
 def _derive(sums: Floats) -> dict[str, Floats]:
     frames, grains, number, length, longest, links, cosine, sine = sums.T
     mean = length / number
+    direction = np.degrees(0.5 * np.arctan2(sine, cosine)) % 180.0
     return {
         "chains": 1e3 * number / grains, "share": length / grains, "mean_length": mean,
         "longest": longest / frames, "decay_length": decay_length(mean),
-        "direction": np.degrees(0.5 * np.arctan2(sine, cosine)) % 180.0,
+        "direction": np.where(links > 0.0, direction, np.nan),
         "order": np.hypot(cosine, sine) / links,
     }  # fmt: skip
 

@@ -95,7 +95,10 @@ def _numbers(flows: HeatFlows, model: Model) -> dict[str, float]:
     contacts, size = flows.contacts, np.sort(np.abs(flows.flow))[::-1]
     count, n, with_walls = size.size, model.grain_count, int(contacts.is_wall.sum())
     total = float(size.sum())
-    strongest = float(size[: round(_STRONGEST * count)].sum())
+    # a tenth of them, of the last only the part that is left of it
+    strongest = float(
+        np.interp(_STRONGEST * count, np.arange(count + 1), np.append(0.0, np.cumsum(size)))
+    )
     of_shape = np.bincount(
         contacts.j[contacts.is_wall] - n, flows.flow[contacts.is_wall], model.shape_count
     )

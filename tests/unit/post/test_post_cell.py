@@ -205,7 +205,7 @@ def test_a_mean_flow_that_changes_is_no_fluctuation():
         moved = frame_of(
             frame.position, velocity=frame.velocity + frame.position @ change.T,
             wall_position=frame.wall_position,
-            wall_velocity=frame.wall_velocity + [[change[0, 0], change[1, 1], change[0, 1]]],
+            wall_velocity=frame.wall_velocity + change[[0, 1, 0], [0, 1, 1]],
             angle=frame.angle,
         )  # fmt: skip
         frames.append(moved)

@@ -22,7 +22,7 @@ def test_numbers_of_a_lattice():
     table = heat_network(layer())
     expected = {
         "contacts": 52, "wall_contacts": 8, "coordination": 4.0, "idle_share": 0.0,
-        "flow_mean": 28.0 * FLOW / 52.0, "flow_max": FLOW, "strongest_share": 5.0 / 28.0,
+        "flow_mean": 28.0 * FLOW / 52.0, "flow_max": FLOW, "strongest_share": 5.2 / 28.0,
         "from_walls": 4.0 * FLOW, "to_walls": 4.0 * FLOW,
     }  # fmt: skip
     assert tuple(expected) == HEAT_SUMMARY

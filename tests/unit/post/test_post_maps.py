@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_up_frames import frame_of, source_of
 from scenarios import scenario
+from scene_parts import make_model
 
 import multicor_cli as multicor
 from multicor_cli import post
@@ -28,6 +30,15 @@ def test_a_grain_that_flies_freely_comes_as_far_as_its_velocity_says(flight, of,
     for k, frame in enumerate(flight.frames):
         expected = pytest.approx(rate * frame.time, rel=1e-12, abs=1e-15)
         assert post.grain_map(flight, of, k).value == expected
+
+
+def test_rotations_count_from_the_first_frame():
+    """Grains that are no discs begin at any angle, and runs that go on from others at theirs."""
+    angles = [np.array([5.0, -3.0]), np.array([5.5, -3.0])]
+    frames = [frame_of([[0.0, 0.0], [1.0, 0.0]], angle=angle) for angle in angles]
+    source = source_of(make_model([0.5, 0.5], period=0.0), frames)
+    values = [MAPPED["rotation"].of_grain(source, k).tolist() for k in (0, 1)]
+    assert values == [[0.0, 0.0], [0.5, 0.0]]
 
 
 def test_vertical_velocities_are_those_of_the_frame(flight):
