@@ -13,7 +13,7 @@ import multicor_cli
 from multicor_cli.store.reader import Run
 
 TIGHT = ["solver.tolerance_rms=2e-4", "solver.tolerance_energy=1e-3"]
-"""A fifth of the defaults."""
+"""A tenth of the defaults."""
 
 REST = 1
 """Stage of configs/heated-bed.toml in which the bed rests."""

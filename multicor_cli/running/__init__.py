@@ -65,7 +65,7 @@ def run(
             of an `Observer`, or ``steer`` cannot be called.
         ValueError: If the name of the directory is empty, there cannot be so many threads,
             ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``; if
-            ``max_hours`` is not positive, or ``steer_every`` less than 1.
+            ``max_hours`` is negative, or ``steer_every`` less than 1.
     """
     if overwrite and extend:
         raise ValueError("a run is either extended or overwritten")
@@ -81,8 +81,8 @@ def run(
         raise TypeError(f"an observer is an object: give {observer.__name__}(), not the class")
     if steer is not None and not callable(steer):
         raise TypeError(f"steer is a function of a LiveRun, is {steer!r}")
-    if max_hours is not None and not max_hours > 0.0:
-        raise ValueError(f"max_hours must be positive, is {max_hours}")
+    if max_hours is not None and not max_hours >= 0.0:
+        raise ValueError(f"max_hours must not be negative, is {max_hours}")
     if steer_every < 1:
         raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
     from multicor_cli.running.machine import reserve_threads

@@ -170,8 +170,9 @@ class Scales:
         strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the
             height of the domain, that of the two largest in y over its smaller side, and the
             fastest spin of a wall; a surface that runs counts as the motion of the wall that would
-            carry grains along like it; that of a layer on a slope (`_sliding_number`); and that of
-            the layer that flows down in a drum (`_drum_rate`). Of a cell γ̇ is the largest rate.
+            carry grains along like it; that of a layer on a slope (`_sliding_number`); that of the
+            layer that flows down in a drum (`_drum_rate`); and that of a bed that is shaken
+            (`_shaken_rate`). Of a cell γ̇ is the largest rate.
         travel: d̄ over the largest speed that is known beforehand, that of ``fastest``.
         friction: Largest coefficient of friction between grains.
         period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
@@ -246,6 +247,7 @@ def find_scales(
         "the cell" if model.is_cell else "moving walls": _largest_rate(scenario, model, drives),
         "a layer that slides down": _sliding_number(scenario, gravity) / scale,
         "the layer that flows down in a drum": _drum_rate(model, drives, gravity),
+        "a bed that is shaken": _shaken_rate(model, drives, gravity),
     }
     strained_by = max(rates, key=rates.__getitem__)
     rate = rates[strained_by]
@@ -293,6 +295,27 @@ def _drum_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGravit
     if model.is_cell or not any(_largest_velocity(drives[w].spin) > 0.0 for w in drums):
         return 0.0
     return 0.5 * math.sqrt(gravity[2] / model.mean_diameter)
+
+
+def _shaken_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
+    """Rate of shear of a bed that a wall throws up [1/s]; 0 where none does: ½ √(g/d̄).
+
+    Grains move within it as in the layer of a drum. A wall throws if 2π v/T > g, with the largest
+    speed v of its motion to and fro, and the shortest period T.
+    """
+    weight = gravity[2]
+    if model.is_cell or weight == 0.0:
+        return 0.0
+    for drive in drives:
+        for dof in (drive.x, drive.y):
+            speed, signal = 0.0, dof.velocity
+            if dof.position is not None:
+                speed, signal = dof.position.steepest(), dof.position
+            elif signal is not None:
+                speed = 0.5 * signal.swing()
+            if signal and 2.0 * math.pi * speed > weight * signal.shortest_period(0.0, math.inf):
+                return 0.5 * math.sqrt(weight / model.mean_diameter)
+    return 0.0
 
 
 def largest_pressure(

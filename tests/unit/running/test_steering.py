@@ -328,8 +328,8 @@ def test_an_observer_hears_of_every_step_and_what_is_none_is_refused(tmp_path):
     ({"observer": Watch}, r"give Watch\(\), not the class"),
     ({"steer": 5}, "steer is a function of a LiveRun, is 5"),
     ({"scenario": {"domain": {}}}, "as of load_scenario or Scenario.from_dict.*; is dict"),
-    ({"max_hours": math.nan}, "max_hours must be positive, is nan"),
-    ({"max_hours": -1.0}, "max_hours must be positive, is -1"),
+    ({"max_hours": math.nan}, "max_hours must not be negative, is nan"),
+    ({"max_hours": -1.0}, "max_hours must not be negative, is -1"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said_before_anything_begins(wrong, message, tmp_path):
     given = {"scenario": write_small(tmp_path), **wrong}

@@ -145,6 +145,28 @@ def test_the_layer_that_flows_down_in_a_drum_sets_its_own_rate(gravity, speed):
     assert (scales.strained_by == "the layer that flows down in a drum") == flows
 
 
+@pytest.mark.parametrize(("way", "speed"), [
+    ({"position": Sine(0.5, 0.2, 2.0)}, 0.2 * math.pi),
+    ({"velocity": Sine(0.0, -0.3, 2.0)}, 0.3),
+    ({"velocity": Constant(30.0)}, 0.0),
+])  # fmt: skip
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_bed_that_is_shaken_has_the_rate_of_a_layer_that_flows(axis, way, speed):
+    """½ √(g/d̄), where the wall is ever as fast as what falls beside it: 2π v/T > g."""
+    for gravity, is_thrown in ((1.01 * math.pi * speed, False), (0.99 * math.pi * speed, True)):
+        overrides = [f"domain.gravity=[0.0, {-gravity}]"]
+        scenario = multicor.load_scenario(ROOT / "configs" / "hopper.toml", overrides=overrides)
+        model, _ = build(scenario)
+        drives = [WallDrive(**{axis: DofDrive(**way)}), *[WallDrive()] * (model.wall_count - 1)]
+        scales = find_scales(scenario, model, drives)
+        shaken = scales.strained_by == "a bed that is shaken"
+        assert shaken == (is_thrown and speed > 0.0)
+        if shaken:
+            assert 1.0 / scales.strain == pytest.approx(
+                0.5 * math.sqrt(gravity / model.mean_diameter)
+            )
+
+
 def test_an_explicit_time_step_is_kept_and_reviewed():
     scenario = parse_scenario(SHEAR, "shear.toml", ["solver.dt=1e-4"])
     model, _ = build(scenario)
