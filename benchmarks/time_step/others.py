@@ -1,5 +1,5 @@
 """What the automatic step keeps of flows: of plane shear at other frictions and speeds and of a
-mixture, a chute, a collapse and a drum. ``python benchmarks/time_step/others.py``.
+mixture, a chute, a collapse, a drum and a shaken bed. ``python benchmarks/time_step/others.py``.
 
 Each runs with the automatic step, *normal*, and with a quarter of it, at the default tolerances.
 """
@@ -80,6 +80,23 @@ def _drum(run: Run) -> tuple[float, ...]:
     return (float(np.degrees(np.arctan2(abs(lever[0]), -lever[1]))),)
 
 
+def _shaken(run: Run) -> tuple[float, ...]:
+    """Energy of spin over M g d̄, and height of the center over d̄, after a quarter of the time."""
+    grains, frames, diameter = run.grains, run.frames, run.model.mean_diameter
+    late = [frames[k] for k in range(len(frames) // 4, len(frames))]
+    spun = np.mean([np.sum(0.5 * grains.inertia * frame.spin**2) for frame in late])
+    height = np.mean([np.average(frame.position[:, 1], weights=grains.mass) for frame in late])
+    return float(spun / (grains.mass.sum() * 9.81 * diameter)), float(height) / diameter
+
+
+_SHAKEN = (
+    "variables.layers=10",
+    "variables.Gamma=6.4",
+    "variables.f=63",
+    "variables.cycles=80",
+    "output.frame_interval== 1 / (10 * f)",
+    "output.series_interval== 1 / (10 * f)",
+)
 _MIXTURE = (
     'particles.0.sizes={kind="list",radii=[0.25e-3,0.5e-3,0.75e-3],by="mass"}',
     "particles.0.count=2207",  # whose area is that of the shipped ones
@@ -101,6 +118,15 @@ FLOWS = {
     "chute, 24°": Flow("chute", (), ("v/√(g d̄)", "height of the center/d̄"), _chute),
     "collapse": Flow("column-collapse", (), ("center x [mm]", "center y [mm]"), _center),
     "drum": Flow("drum", (), ("angle of the center [°]",), _drum),
+    **{
+        f"shaken bed, e = {bounce}": Flow(
+            "vibrated-bed",
+            (*_SHAKEN, f"contacts.0.restitution={bounce}"),
+            ("energy of spin/(M g d̄)", "height of the center/d̄"),
+            _shaken,
+        )
+        for bounce in (0.3, 0.8)
+    },
 }
 
 

@@ -121,7 +121,8 @@ class Run(Closing):
 
     def __init__(self, path: Path, info: Document, results: Path | None) -> None:
         self.path, self.info = path, info
-        self._results = results
+        # Wherever the process works later
+        self._place, self._results = path.absolute(), results and results.absolute()
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
         self.frames: Frames = Frames(self._parts, lambda: self.model)
         self.series = Series(self, self._parts)
@@ -178,10 +179,10 @@ class Run(Closing):
     def status(self) -> str:
         """``running, finished, stopped, failed``, or ``interrupted``: its process is gone."""
         status = str(self.info["status"])
-        if status != "running" or is_alive(self.path / layout.LOCK):
+        if status != "running" or is_alive(self._place / layout.LOCK):
             return status
         # it may have ended since it was opened
-        status = str(read_run_document(self.path)["status"])
+        status = str(read_run_document(self._place)["status"])
         return "interrupted" if status == "running" else status
 
     @cached_property
@@ -189,9 +190,9 @@ class Run(Closing):
         """Grains, walls and laws; raises `DamagedRun`, or `NothingStored` if there are none yet."""
         if self._results is None:
             try:
-                return load_model(self.path / layout.MODEL, self.run_id)
+                return load_model(self._place / layout.MODEL, self.run_id)
             except DamagedRun:
-                if (self.path / layout.MODEL).exists():
+                if (self._place / layout.MODEL).exists():
                     raise
                 if self._find_results() is None:
                     if self._parts.parts or self.info["summary"] is not None:
@@ -207,7 +208,7 @@ class Run(Closing):
         found = self._parts.features
         if found is not None:
             return found
-        file = self.path / layout.MODEL
+        file = self._place / layout.MODEL
         was_there = file.exists()  # the run may write it, or put it into results.h5, while we look
         try:
             return schema.features_of(self.model)
@@ -244,7 +245,7 @@ class Run(Closing):
     def scenario_resolved(self) -> str:
         """The scenario with all defaults, its stages as steered; raises `DamagedRun` if changed."""
         resolved = self._scenario("resolved", layout.RESOLVED)
-        return steered_text(resolved, decisions_of(self.info)) if self.path.is_dir() else resolved
+        return steered_text(resolved, decisions_of(self.info)) if self._place.is_dir() else resolved
 
     def state(self) -> State | None:
         """The state of the newest whole checkpoint, exactly; ``None`` if there is none.
@@ -253,8 +254,10 @@ class Run(Closing):
             DamagedRun: If there are checkpoints and none can be used.
             StorageError: If a file cannot be read.
         """
-        directory = self.path / layout.CHECKPOINTS
+        directory = self._place / layout.CHECKPOINTS
         if not directory.is_dir():
+            if not self._place.exists():
+                raise StorageError(f"{self.path}: is not there any more")
             return None
         model = None
         with contextlib.suppress(DamagedRun):  # what belongs to the state is whole all the same
@@ -263,18 +266,18 @@ class Run(Closing):
         return found.state if found else None
 
     def _scenario(self, kind: str, name: str) -> str:
-        if self.path.is_dir():
-            return read_scenario(self.path / name, str(self.info[f"{kind}_sha256"]))
-        with CheckedFile(self.path, RESULTS_FILETYPE) as file:
+        if self._place.is_dir():
+            return read_scenario(self._place / name, str(self.info[f"{kind}_sha256"]))
+        with CheckedFile(self._place, RESULTS_FILETYPE) as file:
             return file.strings(schema.DATASETS[f"scenario/{kind}"])[0]
 
     def _find_parts(self) -> list[Part]:
         if self._results is not None:
             return [results_part(self._results, self.run_id)]
-        directory = self.path / layout.SEGMENTS
+        directory = self._place / layout.SEGMENTS
         return [
             Part(directory / segment.name, SEGMENT_FILETYPE, segment_dims(segment))
-            for segment in committed_segments(self.path)
+            for segment in committed_segments(self._place)
         ]
 
     def _lengths(self) -> dict[str, int]:
@@ -289,8 +292,8 @@ class Run(Closing):
         return self._find_parts()
 
     def _find_results(self) -> Path | None:
-        self.info = read_run_document(self.path)
-        self._results = _results_of(self.path, self.info)
+        self.info = read_run_document(self._place)
+        self._results = _results_of(self._place, self.info)
         return self._results
 
 

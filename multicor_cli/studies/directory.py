@@ -141,13 +141,7 @@ class StudyDirectory:
             _refuse_changes(study, cases, document, resolved)
             known = document["cases"]
         else:
-            with storage_errors(self.path):
-                if self.path.exists() and (
-                    not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}
-                ):
-                    raise DirectoryRefused(
-                        f"{self.path}: exists and holds no study; choose another directory with -o"
-                    )
+            self._refuse_foreign()
         for name in (CASES, FAILED, OBSERVED):
             make_directory(self.path / name)
         merged = {case.name: dict(case.values) for case in cases}
@@ -161,9 +155,22 @@ class StudyDirectory:
             }  # fmt: skip
             _commit(self.path / DOCUMENT, "study document", document)
 
+    def _refuse_foreign(self) -> None:
+        with storage_errors(self.path):
+            if self.path.exists() and (
+                not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}
+            ):
+                raise DirectoryRefused(
+                    f"{self.path}: exists and holds no study; choose another directory with -o"
+                )
+
     @contextlib.contextmanager
     def held(self, *, force: bool = False) -> Iterator[None]:
-        """Keep other clients away; raises `RunLocked`, which names the other, if one is at work."""
+        """Keep other clients away; raises `RunLocked`, which names the other, if one is at work, and
+        `DirectoryRefused`, before anything is written, if the directory holds something else.
+        """
+        if not self.exists:
+            self._refuse_foreign()
         make_directory(self.path)
         lock = RunLock(self.path / LOCK, force=force)
         try:

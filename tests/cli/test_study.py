@@ -340,6 +340,7 @@ def test_a_directory_with_something_else_is_refused(tmp_path):
     (tmp_path / "studies" / "s" / "thesis.tex").write_text("")
     done = ask(tmp_path, "run s.toml", 6)
     assert "holds no study" in done.stderr
+    assert [path.name for path in (tmp_path / "studies" / "s").iterdir()] == ["thesis.tex"]
 
 
 def test_shipped_studies_are_valid_and_the_quick_one_runs(tmp_path):

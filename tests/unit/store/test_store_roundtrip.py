@@ -2,6 +2,7 @@
 results.h5."""
 
 import dataclasses
+import shutil
 
 import h5py
 import numpy as np
@@ -27,6 +28,7 @@ from multicor_cli.store import (
     Contacts,
     Frame,
     Snapshot,
+    StorageError,
     open_run,
     run_info,
     schema,
@@ -459,6 +461,20 @@ def test_arrays_that_are_kept_cannot_be_written_to(heated):
         with pytest.raises(TypeError):
             run.frames[1.0]
         assert run.frames[np.int64(1)].index == 1
+
+
+def test_a_run_is_found_wherever_the_process_works_later(finished, monkeypatch, tmp_path):
+    copy = shutil.copytree(finished, tmp_path / "run")
+    monkeypatch.chdir(tmp_path)
+    with open_run("run") as run:
+        monkeypatch.chdir("/")
+        assert str(run.path) == "run"
+        assert run.frames[-1].position.size
+        assert run.state() is not None
+        assert run.scenario_resolved
+        shutil.rmtree(copy)
+        with pytest.raises(StorageError, match="is not there any more"):
+            run.state()
 
 
 def test_info_of_a_run_that_has_just_begun(tmp_path):
