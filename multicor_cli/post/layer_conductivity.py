@@ -60,6 +60,8 @@ def _find_layer(source: Run, chosen: NDArray[np.int64], between: Between | None)
     Walls that stand upright are taken if they are named, or if none bound the grains below and
     above. Raises `PostError` if there are no two.
     """
+    if source.model.is_cell:
+        raise PostError("a cell has no walls with a layer between them: use conductivity")
     if source.model.thermal is None:
         need_heat(None)
     need_grains(source, chosen)

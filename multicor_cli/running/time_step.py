@@ -298,10 +298,11 @@ def _drum_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGravit
 
 
 def _shaken_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
-    """Rate of shear of a bed that a wall throws up [1/s]; 0 where none does: ½ √(g/d̄).
+    """Rate of shear of a bed that a wall throws up [1/s]; 0 where none does: √(g/d̄).
 
-    Grains move within it as in the layer of a drum. A wall throws if 2π v/T > g, with the largest
-    speed v of its motion to and fro, and the shortest period T.
+    Twice that of the layer in a drum, as it rebounds (``benchmarks/time_step/others.py``). A wall
+    throws if 2π v/T > g, with the largest speed v of its motion to and fro, and the shortest period
+    T.
     """
     weight = gravity[2]
     if model.is_cell or weight == 0.0:
@@ -314,7 +315,7 @@ def _shaken_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGrav
             elif signal is not None:
                 speed = 0.5 * signal.swing()
             if signal and 2.0 * math.pi * speed > weight * signal.shortest_period(0.0, math.inf):
-                return 0.5 * math.sqrt(weight / model.mean_diameter)
+                return math.sqrt(weight / model.mean_diameter)
     return 0.0
 
 

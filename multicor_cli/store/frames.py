@@ -345,7 +345,10 @@ class Contacts(ContactColumns):
             MissingLibrary: If pandas is not installed.
             DamagedRun: If the file is damaged.
         """
-        return data_frame(stored_columns(self._frame, schema.CONTACTS))
+        columns = stored_columns(self._frame, schema.CONTACTS)
+        return data_frame(
+            [c._replace(values=self.sliding) if c.name == "sliding" else c for c in columns]
+        )
 
     def __repr__(self) -> str:
         return (

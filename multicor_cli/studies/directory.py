@@ -166,8 +166,9 @@ class StudyDirectory:
 
     @contextlib.contextmanager
     def held(self, *, force: bool = False) -> Iterator[None]:
-        """Keep other clients away; raises `RunLocked`, which names the other, if one is at work, and
-        `DirectoryRefused`, before anything is written, if the directory holds something else.
+        """Keep other clients away; raises `RunLocked`, which names the other, if one is at work.
+
+        If the directory holds something else `DirectoryRefused`, before anything is written.
         """
         if not self.exists:
             self._refuse_foreign()

@@ -97,6 +97,7 @@ def test_contacts_are_a_table(warm):
     np.testing.assert_array_equal(table[["normal_impulse", "tangential_impulse"]], contacts.impulse)
     np.testing.assert_array_equal(table["conductance"], contacts.conductance)
     assert table.attrs["units"]["conductance"] == "W/K"
+    assert len(table[table.sliding]) == contacts.sliding.sum()
 
 
 def test_the_series_is_a_table(small):
