@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.post.grain_map import GrainScene
+from multicor_cli.post.table import Table
 from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.text import unit_sign
 
@@ -469,13 +470,15 @@ def plot(table: Any, path: str | Path, **options: Any) -> None:
 
     Args:
         table: The table.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+        path: File to write, in place of one that is there; its ending (.png, .svg, .pdf) chooses
+            the format.
         options: Further options of the figure of this kind of table.
 
     Raises:
         MissingLibrary: If matplotlib is not installed.
         PlotError: If the ending is not known.
         StorageError: If the file cannot be written.
+        TypeError: If it is no table of `multicor_cli.post`.
     """
     renderer = _renderer(table)
     with figure_file(Path(path), *renderer.size(table)) as figure:
@@ -488,6 +491,8 @@ def show(table: Any, terminal: Terminal, **options: Any) -> str:
 
 
 def _renderer(table: Any) -> Renderer:
+    if not isinstance(table, Table):
+        raise TypeError(f"figures are drawn of tables of multicor_cli.post, not of {table!r}")
     name = type(table).__module__.rpartition(".")[2]
     module: Any = import_module(f"multicor_cli.plots.{_DRAWN_IN.get(name, name)}")
     found: Renderer = module.FIGURES[type(table)]

@@ -368,10 +368,7 @@ def _as_begun(scenario: Scenario, before: str, seed: int) -> Scenario:
     if scenario.start is not None and "particles" not in given:
         groups = parse_scenario(before, scenario.path).particles
         scenario = scenario.model_copy(update={"particles": groups})
-    if given["scenario"]["seed"] == "random":
-        header = scenario.scenario.model_copy(update={"seed": seed})
-        scenario = scenario.model_copy(update={"scenario": header})
-    return scenario
+    return scenario.with_drawn(seed)
 
 
 def _refuse_own_start(scenario: Scenario, path: Path) -> None:

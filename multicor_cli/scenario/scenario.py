@@ -83,10 +83,15 @@ class Scenario(ScenarioModel):
         Raises:
             ScenarioError: There is no such key, or the changed scenario is wrong.
         """
-        drawn = to_override("scenario.seed", self.seed)  # it may be "random" in the file
-        return self.with_overrides(
-            [drawn, *(to_override(key, value) for key, value in changes.items())]
-        )
+        changed = self.with_overrides([to_override(key, value) for key, value in changes.items()])
+        return changed.with_drawn(self.seed)
+
+    def with_drawn(self, seed: int) -> Scenario:
+        """The same, with this ``seed`` where one is to be drawn."""
+        if self.given["scenario"]["seed"] != "random":
+            return self
+        header = self.scenario.model_copy(update={"seed": seed})
+        return self.model_copy(update={"scenario": header})
 
     def with_overrides(self, overrides: Sequence[str]) -> Scenario:
         """As `with_`; the changes as ``--set`` takes them, each ``key=value``."""

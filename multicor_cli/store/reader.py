@@ -229,7 +229,8 @@ class Run(Closing):
     @property
     def period(self) -> float:
         """Period in x [m]; 0 if the domain is not periodic. Of a cell the width at the start: its
-        sides in a frame are ``frame.wall_position[0]``."""
+        sides in a frame are ``frame.wall_position[0]``.
+        """
         return self.model.period
 
     @property

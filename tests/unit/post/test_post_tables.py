@@ -42,6 +42,15 @@ def test_tables_show_themselves(column):
     assert table._repr_html_().count("<tr>") == 4
 
 
+@pytest.mark.parametrize("wrong", [None, 5, "velocity"])
+def test_figures_are_drawn_of_tables(wrong, column, tmp_path):
+    pytest.importorskip("matplotlib")
+    from multicor_cli.plots import plot
+
+    with pytest.raises(TypeError, match="drawn of tables of multicor_cli.post, not of"):
+        plot(column if wrong is None else wrong, tmp_path / "a.png")
+
+
 def test_other_values_leave_everything_else_as_it_is(column):
     table = post.energy(column).with_(time=post.energy(column).time + 1.0)
     assert table.time[0] == post.energy(column).time[0] + 1.0

@@ -148,6 +148,12 @@ def test_random_seed_is_drawn_once(path, tmp_path):
     assert load_scenario(path).seed != seed
     assert run_scenario(path, directory).is_finished
     assert run_info(directory)["provenance"]["seed"] == seed
+    changed_twice = tmp_path / "changed"
+    for _ in range(2):  # a script that is executed again goes on with its run
+        scenario = load_scenario(path).with_({"output.frame_interval": 0.004})
+        outcome = run_scenario(scenario, changed_twice)
+    assert outcome.reason is StopReason.ALREADY_FINISHED
+    assert load_scenario(path).with_({"scenario.seed": 5}).seed == 5
     again = tmp_path / "again"
     assert run_scenario(path, again, overrides=[f"scenario.seed={seed}"]).is_finished
     assert digest(again) == digest(directory)
