@@ -216,8 +216,10 @@ def _escapes(run: Prepared) -> Iterator[Measured]:
 
 
 def _beyond(run: Prepared) -> Iterator[Measured]:
-    margin = 2.0 * float(run.model.grains.radius.max(initial=0.0))
-    low, high = run.scenario.domain.around(margin)
+    domain, margin = run.scenario.domain, 2.0 * float(run.model.grains.radius.max(initial=0.0))
+    if domain.is_cell:
+        return
+    low, high = domain.around(margin)
     place = run.state.position[run.state.here, :2]
     count = int(np.count_nonzero(((place < low) | (place > high)).any(axis=1)))
     share = count / max(1, run.model.grain_count)

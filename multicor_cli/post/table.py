@@ -238,7 +238,7 @@ class TimeTable(Table):
         changed.quantities = tuple(
             c._replace(values=changes.get(c.name, c.values)) for c in self.quantities
         )
-        if "time" in changes or any(column.name in changes for column in self.quantities):
+        if any(column.name in changes for column in self.quantities):
             for name in ("values", "mean", "spread"):  # which are worked out anew
                 changed.__dict__.pop(name, None)
         return changed
