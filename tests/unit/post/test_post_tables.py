@@ -47,7 +47,7 @@ def test_figures_are_drawn_of_tables(wrong, column, tmp_path):
     pytest.importorskip("matplotlib")
     from multicor_cli.plots import plot
 
-    with pytest.raises(TypeError, match="drawn of tables of multicor_cli.post, not of"):
+    with pytest.raises(TypeError, match="drawn of tables of"):
         plot(column if wrong is None else wrong, tmp_path / "a.png")
 
 
