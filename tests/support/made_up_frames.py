@@ -36,6 +36,12 @@ def frame_of(position: ArrayLike, *, walls: int = 2, **said: Any) -> SimpleNames
     return SimpleNamespace(position=position, **rest | said)
 
 
+def put(frame: Any, **values: ArrayLike) -> None:
+    """Let a frame that is read from a file hold other arrays."""
+    for name, value in values.items():
+        vars(frame)[getattr(type(frame), name).path] = np.asarray(value, float)
+
+
 def contacts_of(
     i: ArrayLike = (),
     j: ArrayLike = (),

@@ -6,7 +6,7 @@ import numpy as np
 import post_oracle as oracle
 import pytest
 from from_wall_to_wall import profile
-from made_up_frames import source_of
+from made_up_frames import put, source_of
 
 from multicor_cli.post import PROFILED, PostError, Selection, grain_map
 from multicor_cli.post.flow import d2min
@@ -161,15 +161,20 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run):
     frames = [run.frames[k] for k in (3, 5)]
     for frame in frames:
         low, high = oracle.layer(run, frame, 1).edges
-        frame.velocity[:] = 0.0
-        frame.velocity[:, 0] = 7.0 * (frame.position[:, 1] - low) / (high - low) - 2.0
+        flow = 7.0 * (frame.position[:, 1] - low) / (high - low) - 2.0
+        put(frame, velocity=np.column_stack([flow, np.zeros_like(flow)]))
     source = source_of(run.model, frames)
     for count in (1, 5, 40):
         table = profile(source, "granular-temperature", ALL, count)
         assert table.value[np.isfinite(table.value)] == pytest.approx(0.0, abs=1e-18)
     # the same grains elsewhere: 0.4 up and 0.4 down are no flow, but for few grains at a knot
     for frame, sign in zip(frames, (1.0, -1.0), strict=True):
-        frame.velocity[:, 1] = 0.4 * sign
+        put(
+            frame,
+            velocity=np.column_stack(
+                [frame.velocity[:, 0], np.full(len(frame.velocity), 0.4 * sign)]
+            ),
+        )
     table = profile(source, "granular-temperature", ALL, 1)
     assert table.value[0] == pytest.approx(0.5 * 0.4**2, rel=0.2)
 

@@ -10,7 +10,7 @@ import numpy as np
 import post_oracle as oracle
 import pytest
 from from_wall_to_wall import profile
-from made_up_frames import source_of
+from made_up_frames import put, source_of
 from scene_parts import make_shapes
 from typer.testing import CliRunner
 
@@ -278,7 +278,8 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run):
         thermal = SimpleNamespace(capacity=capacity)
         model = replace(run.model, thermal=thermal)
         frame = run.frames[9]
-        frame.temperature[:] = frame.wall_temperature[0] = 298.15
+        of_walls = [298.15, *frame.wall_temperature[1:]]
+        put(frame, temperature=np.full(len(frame.temperature), 298.15), wall_temperature=of_walls)
         with pytest.raises(post.PostError, match="not at the reference temperature"):
             post.theta_eta(source_of(model, [frame]), 0, wall="floor")
 
@@ -315,7 +316,7 @@ def with_walls(run, kinds, geometry):
     shapes = make_shapes(list(zip(kinds, range(4), geometry, strict=True)))
     model, frames = replace(run.model, shapes=shapes), list(run.frames)
     for frame in frames:
-        frame.wall_position[:] = 0.0
+        put(frame, wall_position=np.zeros_like(frame.wall_position))
     return source_of(model, frames, run.frames.time)
 
 

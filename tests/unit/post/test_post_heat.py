@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from from_wall_to_wall import profile
 from heat_run import GRADIENT, GRAINS, INTERVAL, RADIUS, RATES, SHEAR, write_heated_run
-from made_up_frames import source_of
+from made_up_frames import put, source_of
 
 from multicor_cli.post import PostError, Selection, grain_map, theta_eta
 from multicor_cli.store import open_run
@@ -146,9 +146,7 @@ def test_maps_hold_the_values_of_the_frame_and_refuse_others(column):
 def test_fluctuation_keeps_the_vertical_velocity(column):
     """Only the mean horizontal flow is taken away."""
     frame = column.frames[2]
-    vars(frame)["particles/velocity"] = np.column_stack(
-        [frame.velocity[:, 0], np.full(GRAINS, 0.3)]
-    )
+    put(frame, velocity=np.column_stack([frame.velocity[:, 0], np.full(GRAINS, 0.3)]))
     table = grain_map(source(column, [frame]), "fluctuation")
     assert table.vector == pytest.approx(np.tile([0.0, 0.3], (GRAINS, 1)), abs=1e-12)
     assert table.value == pytest.approx(0.3)
