@@ -51,7 +51,7 @@ from multicor_cli.store.schema.rows import read_only
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 from multicor_cli.store.segments import segment_dims
 from multicor_cli.store.snapshot import empty_summary
-from multicor_cli.text import count_noun
+from multicor_cli.text import choices, count_noun
 
 
 class Series(Mapping[str, NDArray[Any]]):
@@ -71,7 +71,9 @@ class Series(Mapping[str, NDArray[Any]]):
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self._specs:
-            raise KeyError(name)
+            raise KeyError(
+                f"the time series has no '{name}'; {choices(str(name), list(self._specs))}"
+            )
         if name not in self._loaded:
             # From segments all columns are read at once, so that each file is opened once.
             is_one_file = len(self._parts.parts) == 1

@@ -461,6 +461,9 @@ def test_arrays_that_are_kept_cannot_be_written_to(heated):
         with pytest.raises(TypeError):
             run.frames[1.0]
         assert run.frames[np.int64(1)].index == 1
+        with pytest.raises(KeyError, match="has no 'kinetc'; did you mean 'kinetic'"):
+            run.series["kinetc"]
+        assert run.series.get("kinetc") is None
 
 
 def test_a_run_is_found_wherever_the_process_works_later(finished, monkeypatch, tmp_path):
