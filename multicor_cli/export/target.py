@@ -33,7 +33,10 @@ class ExportRefused(StoreError):
 
 
 def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
-    """The frames of a slice, or all, read when they are used; `ExportError` if there is none."""
+    """The frames of a slice, or all, read when they are used; `ExportError` if there is none.
+
+    Anything else than a slice is a `TypeError`.
+    """
     if not (frames is None or isinstance(frames, slice)):
         raise TypeError(f"frames is a slice, as slice(-10, None), is {frames!r}")
     chosen = run.frames[slice(None) if frames is None else frames]

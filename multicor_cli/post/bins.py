@@ -410,7 +410,8 @@ def make_bins(
     If ``exclude_walls`` is None, `WALL_LAYER` is left out at walls, or less if they are near.
 
     Raises:
-        PostError: If they are too few or many, no room is left, or ``between`` is no such walls.
+        PostError: If both number and width are given, they are too few or many, no room is left, or
+            ``between`` is no such walls.
     """
     if bins is not None and bin_width is not None:
         raise PostError("the number of bins and their width exclude each other")

@@ -82,8 +82,9 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         selection: Which frames; default: the later half of the last stage.
 
     Raises:
-        PostError: If no frame is selected, no grain is in the part in any of them, it is no
-            rectangle and wider than the period, or the run is one of a cell.
+        PostError: If the part has no area, no frame is selected, no grain is in the part in any of
+            them, it is no rectangle and wider than the period, or the run is one of a cell.
+        TypeError: If it is none of the areas of `multicor_cli.model.shapes`.
         StoreError: If the run cannot be read.
     """
     if not isinstance(area, Area):

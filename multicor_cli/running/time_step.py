@@ -309,12 +309,11 @@ def _shaken_rate(model: Model, drives: Sequence[WallDrive], gravity: LargestGrav
         return 0.0
     for drive in drives:
         for dof in (drive.x, drive.y):
-            speed, signal = 0.0, dof.velocity
-            if dof.position is not None:
-                speed, signal = dof.position.steepest(), dof.position
-            elif signal is not None:
-                speed = 0.5 * signal.swing()
-            if signal and 2.0 * math.pi * speed > weight * signal.shortest_period(0.0, math.inf):
+            signal = dof.position or dof.velocity
+            if signal is None:
+                continue
+            speed = signal.steepest() if dof.position else 0.5 * signal.swing()
+            if 2.0 * math.pi * speed > weight * signal.shortest_period(0.0, math.inf):
                 return math.sqrt(weight / model.mean_diameter)
     return 0.0
 
