@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.problem import ContactProblem, free_velocity
-from multicor_cli.export.target import ExportError, check_output, choose_frame
+from multicor_cli.export.target import ExportError, check_output, choose_frame, commit_hdf5
 from multicor_cli.files import regular_path
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
@@ -30,8 +30,8 @@ from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario.scenario import parse_scenario
 from multicor_cli.store import Frame, Run
-from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
-from multicor_cli.store.errors import DamagedRun, StorageError
+from multicor_cli.store.atomic import GuardedFile
+from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import reading
 
 _LOCAL, _BODIES, _GUESSES = "fclib_local", "multicor", "guesses"
@@ -190,12 +190,8 @@ def write_fclib(
                 file[f"{_BODIES}/{field.name}"].attrs["unit"] = _UNITS[field.name]
 
     arrays = [getattr(part, field.name) for part in (form, problem) for field in fields(part)]
-    try:
-        make_directory(path.parent)
-        size = sum(array.nbytes for array in arrays) + 64 * len(form.q) + (64 << 10)
-        commit_file(path, "fclib", write, size=size, temporary=temporary_beside(path))
-    except RuntimeError as error:
-        raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
+    size = sum(array.nbytes for array in arrays) + 64 * len(form.q) + (64 << 10)
+    commit_hdf5(path, "fclib", write, size)
 
 
 def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:

@@ -6,13 +6,20 @@ import contextlib
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from multicor_cli.optional import MissingLibrary as MissingLibrary
 from multicor_cli.store import Frame, Run, layout
-from multicor_cli.store.atomic import fsync_path, make_directory, storage_errors, temporary_beside
-from multicor_cli.store.errors import NoFrame, StoreError, what_frames
+from multicor_cli.store.atomic import (
+    GuardedFile,
+    commit_file,
+    fsync_path,
+    make_directory,
+    storage_errors,
+    temporary_beside,
+)
+from multicor_cli.store.errors import NoFrame, StorageError, StoreError, what_frames
 
 # ---- What goes wrong beside reading the run and writing the file; classes carry exit codes
 
@@ -90,6 +97,18 @@ def check_output(path: Path, *, is_overwriting: bool) -> None:
             )
         if os.path.lexists(path) and not is_overwriting:
             raise ExportRefused(f"{path}: exists; {_REMEDY}")
+
+
+def commit_hdf5(path: Path, kind: str, write: Callable[[GuardedFile], None], size: int) -> None:
+    """Write an HDF5 file of about so many bytes, whole or not at all, and its directory.
+
+    Raises `StorageError` if it cannot be written.
+    """
+    try:
+        make_directory(path.parent)
+        commit_file(path, kind, write, size=size, temporary=temporary_beside(path))
+    except RuntimeError as error:
+        raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
 
 
 @contextlib.contextmanager

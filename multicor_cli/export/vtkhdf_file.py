@@ -14,11 +14,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.target import ExportError, check_output, choose_frames
+from multicor_cli.export.target import ExportError, check_output, choose_frames, commit_hdf5
 from multicor_cli.post.rings import Rings, rings_of
 from multicor_cli.store import Frame, Run, schema
-from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
-from multicor_cli.store.errors import StorageError
+from multicor_cli.store.atomic import GuardedFile
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.vtkhdf import TOPOLOGIES, Growing, begin_view, write_no_cells
 
@@ -77,11 +76,7 @@ def export_vtkhdf(
             view.finish()
 
     size = len(chosen) * (_BYTES_OF_POINT * len(rings.point) + _BYTES_OF_GRAIN * outlines.area.size)
-    try:
-        make_directory(path.parent)
-        commit_file(path, "vtkhdf", write, size=size, temporary=temporary_beside(path))
-    except RuntimeError as error:
-        raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
+    commit_hdf5(path, "vtkhdf", write, size)
     return len(chosen)
 
 
