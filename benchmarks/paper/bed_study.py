@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from entry import Entry, Panel, Rows, on_axes, percent
 
-from multicor_cli.plots import draw_theta_eta
+from multicor_cli.plots.profile import draw_theta_eta
 from multicor_cli.plots.style import COLUMN
 from multicor_cli.post import ThetaTable
 

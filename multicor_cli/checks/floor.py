@@ -21,7 +21,7 @@ from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
-from multicor_cli.post.cuts import spans
+from multicor_cli.post.rings import spans
 from multicor_cli.post.source import placed_walls
 
 # ---- Whether grains can fall out of what holds them

@@ -46,7 +46,7 @@ def diffusion(
     Errors are those over lags that begin at different frames.
     """
     from multicor_cli import post
-    from multicor_cli.post.mean_heat import FORGOTTEN
+    from multicor_cli.post.conductivity import FORGOTTEN
 
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:

@@ -22,6 +22,7 @@ from multicor_cli.plots.style import (
     explain_errors,
     legend_above,
     name_frame,
+    use_powers,
 )
 from multicor_cli.post.field_sums import Field
 from multicor_cli.post.fields import FieldTable
@@ -98,7 +99,7 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
             value, error = table.values[field.name], table.error[field.name]
             draw_with_errors(panel, value, at, error, "o", **style)
         panel.set_ylabel(_label(shown))
-        panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+        use_powers(panel, "both")
         if panel is panels[0]:
             explain_errors(panel, [table.error[field.name] for field in table.of])
         handles, labels = panel.get_legend_handles_labels()

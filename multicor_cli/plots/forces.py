@@ -19,13 +19,14 @@ from multicor_cli.plots.style import (
     TextLine,
     draw_picture,
     draw_text,
+    in_axes,
     legend_above,
     name_frame,
     show_decades,
 )
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
 from multicor_cli.post.grain_map import GrainScene
-from multicor_cli.post.heat_network import HeatNetwork
+from multicor_cli.post.heat import HeatNetwork
 from multicor_cli.post.mobilization import Mobilization
 from multicor_cli.text import with_error
 
@@ -324,7 +325,7 @@ def mobilization_text(table: Mobilization, _terminal: Terminal) -> str:
 
 FIGURES = {
     ForceNetwork: Renderer(
-        lambda _: (COLUMN, COLUMN),
+        (COLUMN, COLUMN),
         lambda figure, network, **options: draw_forces(
             place_scene(figure, network.scene, has_bar=False, top=LEGEND + TITLE).axes,
             network,
@@ -333,14 +334,8 @@ FIGURES = {
         forces_text,
     ),
     ForceDistribution: Renderer(
-        lambda _: (COLUMN, 0.85 * COLUMN),
-        lambda figure, table: draw_distribution(figure.add_subplot(), table),
-        distribution_text,
+        (COLUMN, 0.85 * COLUMN), in_axes(draw_distribution), distribution_text
     ),
-    AngularDistribution: Renderer(lambda _: (PAGE, 0.88 * PAGE), draw_angles, angles_text),
-    Mobilization: Renderer(
-        lambda _: (COLUMN, 0.8 * COLUMN),
-        lambda figure, table: draw_mobilization(figure.add_subplot(), table),
-        mobilization_text,
-    ),
+    AngularDistribution: Renderer((PAGE, 0.88 * PAGE), draw_angles, angles_text),
+    Mobilization: Renderer((COLUMN, 0.8 * COLUMN), in_axes(draw_mobilization), mobilization_text),
 }

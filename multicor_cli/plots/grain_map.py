@@ -426,4 +426,4 @@ def _draw_placed(
     draw_map(place, table, has_streamlines=has_streamlines, ends=ends)
 
 
-FIGURES = {GrainMap: Renderer(lambda _: (COLUMN, COLUMN), _draw_placed, map_text)}
+FIGURES = {GrainMap: Renderer((COLUMN, COLUMN), _draw_placed, map_text)}

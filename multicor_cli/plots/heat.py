@@ -31,8 +31,7 @@ from multicor_cli.plots.style import (
     name_frame,
     show_decades,
 )
-from multicor_cli.post.heat_network import HeatNetwork
-from multicor_cli.post.hot_spots import HotSpots
+from multicor_cli.post.heat import HeatNetwork, HotSpots
 from multicor_cli.post.quantities import MAPPED, color_range
 
 # ---- Heat that contacts conduct: a line for each, over grains in temperatures
@@ -140,6 +139,6 @@ def hot_spots_text(table: HotSpots, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    HeatNetwork: Renderer(lambda _: (COLUMN, COLUMN), draw_heat, heat_text),
-    HotSpots: Renderer(lambda _: (PAGE, 0.42 * PAGE), draw_hot_spots, hot_spots_text),
+    HeatNetwork: Renderer((COLUMN, COLUMN), draw_heat, heat_text),
+    HotSpots: Renderer((PAGE, 0.42 * PAGE), draw_hot_spots, hot_spots_text),
 }

@@ -1,9 +1,9 @@
-"""Figures over time: books, columns of the time series, flow, rheology, conductivity, a region."""
+"""Figures over time: books, columns of the time series, and quantities with their averages."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,17 +20,17 @@ from multicor_cli.plots.style import (
     draw_text,
     legend_above,
     show_decades,
+    use_powers,
 )
-from multicor_cli.post.conductivity import Conductivity
-from multicor_cli.post.crossings import FlowTable
+from multicor_cli.post.conductivity import WAYS, Conductivity, MeanHeat
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
+from multicor_cli.post.fabric import Fabric
 from multicor_cli.post.layer_conductivity import LayerConductivity, LayerFlow
-from multicor_cli.post.mean_heat import WAYS, MeanHeat
 from multicor_cli.post.region import RegionTable
 from multicor_cli.post.rheology import CellRheology, Rheology
 from multicor_cli.post.table import TimeTable
 from multicor_cli.post.wall_heat import WallHeatTable
-from multicor_cli.text import unit_sign, with_error
+from multicor_cli.text import unit_sign
 
 _ZERO = 1e-30  # what rounding leaves of velocities that are all the same, squared
 _LOW = 8  # rows of a chart of letters, of which several are shown
@@ -41,31 +41,23 @@ _LOW = 8  # rows of a chart of letters, of which several are shown
 _VISIBLE = 0.02
 _GAIN = BookLine("kinetic_gain", "kinetic energy", sign=-1)
 _STORED = BookLine("heat_stored", "stored in the grains", sign=-1)
-_SHORT = {
-    "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads",
-    "adhesion_work": "adhesion", "expansion_work": "expansion", "worn_energy": "worn off",
-    "friction_loss": "friction", "impact_loss": "impacts",
-    "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic",
-    "heat_friction": "friction",
-    "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
-    "heat_from_surroundings": "surroundings", "heat_along_gradient": "gradient",
-    "heat_to_walls": "into walls",
-    "heat_stored": "stored", "heat_ahead": "ahead",
-    "kinetic_in": "grains in", "kinetic_out": "grains out", "heat_out": "grains out",
+LOOKS = {
+    "gravity_work": ("gravity", "0.5"), "wall_work": ("walls", COLORS[2]),
+    "load_work": ("loads", COLORS[0]), "adhesion_work": ("adhesion", "#aa4499"),
+    "expansion_work": ("expansion", "#661100"), "worn_energy": ("worn off", "#ddcc77"),
+    "friction_loss": ("friction", COLORS[1]), "impact_loss": ("impacts", COLORS[5]),
+    "damping_loss": ("damping", COLORS[3]), "correction_work": ("projection", "#f0e442"),
+    "kinetic_gain": ("kinetic", COLORS[4]), "kinetic_in": ("grains in", "#117733"),
+    "kinetic_out": ("grains out", "#999933"),
+    "heat_friction": ("friction", COLORS[1]), "heat_impact": ("impacts", COLORS[5]),
+    "heat_from_walls": ("from walls", COLORS[2]), "heat_from_ambient": ("from fluid", "#332288"),
+    "heat_from_surroundings": ("surroundings", "#882255"),
+    "heat_along_gradient": ("gradient", "#cc6677"), "heat_to_walls": ("into walls", "0.5"),
+    "heat_stored": ("stored", COLORS[4]), "heat_ahead": ("ahead", "#44aa99"),
+    "heat_out": ("grains out", "#999933"),
 }  # fmt: skip
-COLOR_OF = {
-    "gravity_work": "0.5", "wall_work": COLORS[2], "load_work": COLORS[0],
-    "adhesion_work": "#aa4499", "expansion_work": "#661100", "worn_energy": "#ddcc77",
-    "friction_loss": COLORS[1], "impact_loss": COLORS[5],
-    "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4],
-    "heat_friction": COLORS[1],
-    "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
-    "heat_from_surroundings": "#882255", "heat_along_gradient": "#cc6677", "heat_to_walls": "0.5",
-    "heat_stored": COLORS[4],
-    "heat_ahead": "#44aa99",
-    "kinetic_in": "#117733", "kinetic_out": "#999933", "heat_out": "#999933",
-}  # fmt: skip
-"""One color for one thing: friction, impacts, walls, as work or heat; what is kept, as either."""
+"""Short names and colors. One color for one thing: friction, impacts, walls, as work or heat; what
+is kept, as either."""
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
@@ -93,12 +85,13 @@ def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> 
     up, down = np.zeros_like(table.time), np.zeros_like(table.time)
     for entry in shown:
         high, low = up + np.maximum(values[entry], 0.0), down + np.minimum(values[entry], 0.0)
-        style = {"color": COLOR_OF[entry.name], "linewidth": 0.0}
-        panel.fill_between(table.time, up, high, label=_SHORT[entry.name], **style)
+        name, color = LOOKS[entry.name]
+        style = {"color": color, "linewidth": 0.0}
+        panel.fill_between(table.time, up, high, label=name, **style)
         panel.fill_between(table.time, low, down, **style)
         up, down = high, low
     panel.axhline(0.0, color="0.2", linewidth=0.6)
-    panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    use_powers(panel)
     panel.margins(x=0.0)
     if shown:
         place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.03)}
@@ -142,7 +135,7 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
         words = zip(*(name.split() for name in names), strict=False)
         common = " ".join(word for word, *others in words if set(others) <= {word})
         panel.set_ylabel(f"{common} [{unit_sign(unit)}]".strip())
-        panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        use_powers(panel)
         if len(shown) > 1:
             legend_above(panel, 2)
     panels[-1].set_xlabel("time $t$ [s]")
@@ -151,114 +144,74 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
 
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:
     """The columns as charts of letters, one below the other."""
-    return draw_charts(
-        (f"{column.name} [{unit_sign(column.unit)}]", [TextLine("", table.time, column.values)])
-        for column in table.quantities
+    return _charts(
+        table,
+        ((f"{c.name} [{unit_sign(c.unit)}]", ((c.name, ""),)) for c in table.quantities),
     )
 
 
-def draw_charts(charts: Iterable[tuple[str, list[TextLine]]]) -> str:
-    """Low charts of letters over time below each other: labels, and the lines in each."""
-    drawn = [draw_text(lines, "time [s]", label, rows=_LOW) for label, lines in charts]
-    return "\n\n".join(drawn)
-
-
-def _charts_of(table: TimeTable, charts: Iterable[tuple[str, Iterable[tuple[str, str]]]]) -> str:
-    """As `draw_charts`, of values of a table: their names, and what the lines are called."""
-    return draw_charts(
-        (label, [TextLine(text, table.time, table.values[name]) for name, text in lines])
+def _charts(table: TimeTable, charts: Iterable[Panel]) -> str:
+    """Low charts of letters over time below each other."""
+    return "\n\n".join(
+        draw_text(
+            [TextLine(text, table.time, table.values[name]) for name, text in lines],
+            "time [s]", label, rows=_LOW,
+        )
         for label, lines in charts
-    )
+    )  # fmt: skip
 
 
-def _by_end(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Values called by the ends of their names, xx or yy, if there are several."""
-    return [(name, name[-2:] if names[1:] else "") for name in names]
+# ---- Quantities over time, with averages and their errors as bands
 
+Panel = tuple[str, Sequence[tuple[str, str]]]
+"""Label of the axis, and the quantities of a panel with their names."""
 
-# ---- What has flowed through a line, summed over time
+Panels = Sequence[Panel]
 
-
-def draw_flow(figure: Any, table: FlowTable) -> None:
-    """Draw the mass that has crossed, and the line of the mean rate, into a matplotlib figure."""
-    axes = figure.add_subplot()
-    start = table.time[0] - table.duration[0]
-    time, mass = np.append(start, table.time), np.append(0.0, np.cumsum(table.crossed["mass"]))
-    axes.plot(time, mass, color=COLORS[0], label="crossed")
-    mean, error = table.mean["mass"], float(table.spread["mass"].error)
-    rate = with_error(mean, error)
-    if "±" in rate and not rate.startswith("("):
-        rate = f"({rate})"
-    text = f"mean, {rate} kg/s"
-    axes.plot(time, mean * (time - start), color="0.3", linewidth=0.8, linestyle="--", label=text)
-    axes.set_xlabel("time $t$ [s]")
-    axes.set_ylabel("mass through the line [kg]")
-    axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    figure.legend(loc="outside upper center", ncols=2)
-
-
-def flow_text(table: FlowTable, _terminal: Terminal) -> str:
-    """The mass that has crossed as a chart of letters."""
-    line = TextLine("", table.time, np.cumsum(table.crossed["mass"]))
-    return draw_text([line], "time [s]", "mass through the line [kg]")
-
-
-# ---- Rheology over time, with averages and their errors as bands
-
-Panels = Sequence[tuple[str, Sequence[tuple[str, str]]]]
-"""Label of the axis, and the quantities of each panel with their names."""
-
-_CONTACTS = "coordination number [–]"
-_OF_RHEOLOGY: Panels = (
-    ("inertial number $I$ [–]", (("inertial_number", ""),)),
-    ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
-    (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
-    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    (_CONTACTS, (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
-    ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
-    (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
-    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
-)
-_OF_CELL: Panels = (
-    (r"shear rate $\dot\gamma$ [1/s]", (("shear_rate", ""),)),
-    ("inertial number $I$ [–]", (("inertial_number", ""),)),
-    ("stress [N/m]", tuple((f"stress_{k}", rf"$\sigma_{{{k}}}$") for k in ("xx", "yy", "xy"))),
-    (r"friction $\mu$ [–]", (("friction", ""),)),
-    (r"$(\sigma_{xx} - \sigma_{yy})/P$ [–]", (("normal_difference", ""),)),
-    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    (_CONTACTS, (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
-    ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
-    (r"spin $-2\langle\omega\rangle/\dot\gamma$ [–]", (("spin_over_flow", ""),)),
-    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
-)
 _KNOWN: Any = "--"  # line of a mean with a standard error
 _UNKNOWN: Any = ":"  # line of one without
-_CHARTS_OF_RHEOLOGY = (
-    ("inertial number I [–]", (("inertial_number", ""),)),
-    ("friction mu* [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
-    ("solid fraction nu [–]", (("solid_fraction", ""),)),
-    (_CONTACTS, (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
-)
-"""The same for charts of letters."""
-_CHARTS_OF_CELL = (
-    ("shear rate [1/s]", (("shear_rate", ""),)),
-    ("stress [N/m]", tuple((f"stress_{k}", k) for k in ("xx", "yy", "xy"))),
-    ("friction mu [–]", (("friction", ""),)),
-    ("solid fraction nu [–]", (("solid_fraction", ""),)),
-)
+_HEIGHTS = {2: 0.52, 3: 0.72, 4: 0.9, 5: 1.125, 6: 1.35}
+"""Heights of figures of so many rows of panels, over the width of the page."""
 
 
-def draw_rheology(figure: Any, table: Rheology) -> None:
-    """Draw the panels of a rheology into a matplotlib figure."""
-    draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_RHEOLOGY)
+def over_time(
+    panels: Panels | Callable[[Any], Panels],
+    charts: Panels | Callable[[Any], Panels],
+    *,
+    columns: int = 2,
+    height: float | None = None,
+    finish: Callable[[Any, Any], None] | None = None,
+) -> Renderer:
+    """Panels beside each other, and low charts of letters; ``finish`` is given axes and table.
+
+    What is to be seen may depend on the table. The ``height`` is over the width of the page.
+    """
+
+    def shown(table: Any, of: Panels | Callable[[Any], Panels]) -> Panels:
+        return of(table) if callable(of) else of
+
+    def rows(table: Any) -> int:
+        return -(-len(shown(table, panels)) // columns)
+
+    def size(table: Any) -> tuple[float, float]:
+        return PAGE, (height or _HEIGHTS[rows(table)]) * PAGE
+
+    def draw(figure: Any, table: Any) -> None:
+        found = shown(table, panels)
+        grid = figure.subplots(rows(table), columns, sharex=True)
+        _draw_panels(figure, grid, table, found)
+        if finish is not None:
+            finish(grid, table)
+
+    return Renderer(size, draw, lambda table, _terminal: _charts(table, shown(table, charts)))
 
 
-def draw_cell(figure: Any, table: CellRheology) -> None:
-    """Draw the panels of the rheology of a cell into a matplotlib figure."""
-    draw_panels(figure, figure.subplots(5, 2, sharex=True), table, _OF_CELL)
+def by_name(panels: Panels) -> Panels:
+    """Some panels as charts, whose lines have the names of the quantities."""
+    return [(label.replace("$", ""), [(n, n) for n, _ in lines]) for label, lines in panels]
 
 
-def draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> None:
+def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> None:
     """Draw quantities over time with means and errors; say below what lines and bands are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -279,7 +232,7 @@ def draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> Non
             panel.set_ylim(-1.0, 1.0)
         elif high - low < 2.0 * room:
             panel.set_ylim(0.5 * (low + high) - room, 0.5 * (low + high) + room)
-        panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        use_powers(panel)
         if len(quantities) > 1:
             legend_above(panel, len(quantities), handlelength=1.4)
     for panel in grid.flat[len(panels) :]:
@@ -313,14 +266,44 @@ def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: st
         panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)
 
 
-def rheology_text(table: Rheology | CellRheology, _terminal: Terminal) -> str:
-    """A rheology over time, one low chart for each kind of quantity."""
-    charts = _CHARTS_OF_CELL if isinstance(table, CellRheology) else _CHARTS_OF_RHEOLOGY
-    return _charts_of(table, charts)
+# ---- Which panels tables over time have
 
-
-# ---- What is in a region over time, in the same way
-
+_CONTACTS = "coordination number [–]"
+_OF_RHEOLOGY: Panels = (
+    ("inertial number $I$ [–]", (("inertial_number", ""),)),
+    ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
+    (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
+    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
+    (_CONTACTS, (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
+    ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
+    (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
+    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
+)
+_OF_CELL: Panels = (
+    (r"shear rate $\dot\gamma$ [1/s]", (("shear_rate", ""),)),
+    ("inertial number $I$ [–]", (("inertial_number", ""),)),
+    ("stress [N/m]", tuple((f"stress_{k}", rf"$\sigma_{{{k}}}$") for k in ("xx", "yy", "xy"))),
+    (r"friction $\mu$ [–]", (("friction", ""),)),
+    (r"$(\sigma_{xx} - \sigma_{yy})/P$ [–]", (("normal_difference", ""),)),
+    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
+    (_CONTACTS, (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
+    ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
+    (r"spin $-2\langle\omega\rangle/\dot\gamma$ [–]", (("spin_over_flow", ""),)),
+    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
+)
+_CHARTS_OF_RHEOLOGY = (
+    ("inertial number I [–]", (("inertial_number", ""),)),
+    ("friction mu* [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
+    ("solid fraction nu [–]", (("solid_fraction", ""),)),
+    (_CONTACTS, (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
+)
+"""The same for charts of letters."""
+_CHARTS_OF_CELL = (
+    ("shear rate [1/s]", (("shear_rate", ""),)),
+    ("stress [N/m]", tuple((f"stress_{k}", k) for k in ("xx", "yy", "xy"))),
+    ("friction mu [–]", (("friction", ""),)),
+    ("solid fraction nu [–]", (("solid_fraction", ""),)),
+)
 _STRESS = tuple((f"stress_{axes}", f"${axes}$") for axes in ("xx", "yy", "xy"))
 _OF_REGION: Panels = (
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
@@ -333,31 +316,25 @@ _OF_REGION: Panels = (
 _SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))  # instead of the last one without heat
 
 
-def draw_region(figure: Any, table: RegionTable) -> None:
-    """Draw the panels into a matplotlib figure."""
-    grid, values = figure.subplots(2, 3, sharex=True), table.values.get("temperature")
-    panels = _OF_REGION if values is not None else (*_OF_REGION[:-1], _SPIN)
-    draw_panels(figure, grid, table, panels)
+def _of_region(table: RegionTable) -> Panels:
+    return _OF_REGION if "temperature" in table.values else (*_OF_REGION[:-1], _SPIN)
+
+
+def _charts_of_region(table: RegionTable) -> Panels:
+    charts = (
+        ("solid fraction nu [–]", (("solid_fraction", ""),)),
+        ("contact stress [N/m]", tuple((f"stress_{k}", k) for k in ("xx", "yy", "xy"))),
+    )
+    return [c for c in charts if any(np.isfinite(table.values[name]).any() for name, _ in c[1])]
+
+
+def _count_rises(grid: Any, table: RegionTable) -> None:
+    """Of temperatures that hardly differ."""
+    values = table.values.get("temperature")
     if values is not None and count_small_rises(grid[-1, -1].yaxis, "temp.", "T", "K", values):
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         grid[-1, -1].set_ylim(low - 0.12 * (high - low), high + 0.12 * (high - low))
 
-
-def region_text(table: RegionTable, _terminal: Terminal) -> str:
-    """Solid fraction and stresses over time, in low charts."""
-    charts = (
-        ("solid fraction nu [–]", ("solid_fraction",)),
-        ("contact stress [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
-    )
-    shown = (
-        (label, _by_end(names))
-        for label, names in charts
-        if any(np.isfinite(table.values[name]).any() for name in names)
-    )
-    return _charts_of(table, shown)
-
-
-# ---- How a packing conducts over time, in the same way
 
 _OF_CONDUCTIVITY: Panels = (
     ("of a square $K$ [W/K]", tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy"))),
@@ -369,23 +346,11 @@ _OF_CONDUCTIVITY: Panels = (
     ("coordination number $Z$ [–]", (("coordination", ""),)),
     ("anisotropy [–]", (("anisotropy", ""),)),
 )
-
-
-def draw_conductivity(figure: Any, table: Conductivity) -> None:
-    """Draw the panels into a matplotlib figure."""
-    draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_CONDUCTIVITY)
-
-
-def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
-    """Conductances and what they depend on over time, in low charts."""
-    charts = (
-        ("of a square [W/K]", ("square_xx", "square_yy", "square_xy")),
-        ("K/H [–]", ("over_contact",)),
-        (_CONTACTS, ("coordination",)),
-    )
-    return _charts_of(table, ((label, _by_end(names)) for label, names in charts))
-
-
+_CHARTS_OF_CONDUCTIVITY = (
+    ("of a square [W/K]", tuple((f"square_{k}", k) for k in ("xx", "yy", "xy"))),
+    ("K/H [–]", (("over_contact", ""),)),
+    (_CONTACTS, (("coordination", ""),)),
+)
 _OF_LAYER: Panels = (
     ("of a square $K$ [W/K]", (("square", "all"), ("square_bulk", "bulk"))),
     ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
@@ -402,19 +367,16 @@ _OF_LAYER_FLOW: Panels = (
     ("of a square $K$ [W/K]", (("flow_square", ""),)),
     ("stored over through [–]", (("unsteadiness", ""),)),
 )
+_CHARTS_OF_LAYER = (
+    ("of a square [W/K]", (("square", "square"), ("square_bulk", "square_bulk"))),
+    (_CONTACTS, (("coordination", ""),)),
+)
+_CHARTS_OF_LAYER_FLOW = (
+    ("heat flow [W]", (("flow", "flow"), ("stored", "stored"))),
+    ("of a square [W/K]", (("flow_square", ""),)),
+)
 _SHARES = ("share [–]", tuple((f"share_{way}", way) for way in WAYS))
 _OF_WAYS: Panels = (("from wall to wall $G$ [W/K]", (("flow_conductance", ""),)), _SHARES)
-
-
-def draw_layer(figure: Any, table: LayerConductivity) -> None:
-    """Draw the panels of the contacts of a layer into a matplotlib figure."""
-    draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_LAYER)
-
-
-def layer_text(table: LayerConductivity, _terminal: Terminal) -> str:
-    """Conductance of a layer and its contacts over time, in low charts."""
-    charts = (("of a square [W/K]", ("square", "square_bulk")), (_CONTACTS, ("coordination",)))
-    return _charts_of(table, ((label, [(n, n) for n in names]) for label, names in charts))
 
 
 def _limit_shares(panel: Any) -> None:
@@ -423,22 +385,9 @@ def _limit_shares(panel: Any) -> None:
     panel.set_ylim(max(low, -0.5), min(high, 1.5))
 
 
-def draw_layer_flow(figure: Any, table: LayerFlow) -> None:
-    """Draw the panels of what flows through a layer into a matplotlib figure."""
-    panels = [*_OF_LAYER_FLOW, *(_OF_WAYS if "share_contacts" in table.values else ())]
-    grid = figure.subplots(len(panels) // 2, 2, sharex=True)
-    draw_panels(figure, grid, table, panels)
-    if _SHARES in panels:
-        _limit_shares(grid[-1, 1])
+def _of_layer_flow(table: LayerFlow) -> Panels:
+    return [*_OF_LAYER_FLOW, *(_OF_WAYS if "share_contacts" in table.values else ())]
 
-
-def layer_flow_text(table: LayerFlow, _terminal: Terminal) -> str:
-    """Flows and conductance over time, in low charts."""
-    charts = (("heat flow [W]", ("flow", "stored")), ("of a square [W/K]", ("flow_square",)))
-    return _charts_of(table, ((label, [(n, n) for n in names]) for label, names in charts))
-
-
-# ---- Heat transfer between walls and a bed over time, in the same way
 
 _OF_WALLS = (
     ("heat flow $Q$ [W]", "flow"),
@@ -450,31 +399,23 @@ _OF_WALLS = (
 )
 
 
-def draw_wall_heat(figure: Any, table: WallHeatTable) -> None:
-    """Draw a panel for each quantity with a line for each wall; at most `COLORS` of them."""
+def _of_walls(table: WallHeatTable) -> Panels:
+    """A panel for each quantity with a line for each wall; at most `COLORS` of them."""
     if len(table.walls) > len(COLORS):
         raise PlotError(
             f"the lines of {len(table.walls)} walls cannot be told apart: choose with --wall"
         )
-    panels = [
+    return [
         (label, [(f"{wall}: {name}", wall if table.walls[1:] else "") for wall in table.walls])
         for label, name in _OF_WALLS
         if f"{table.walls[0]}: {name}" in table.values
     ]
-    grid = figure.subplots(3, 2, sharex=True)
-    draw_panels(figure, grid, table, panels)
 
 
-def wall_heat_text(table: WallHeatTable, _terminal: Terminal) -> str:
-    """Coefficients and temperature differences over time, in low charts."""
+def _charts_of_walls(table: WallHeatTable) -> Panels:
     charts = (("h [W/(m² K)]", "coefficient"), ("wall less bed [K]", "difference"))
-    return _charts_of(
-        table,
-        ((label, [(f"{wall}: {name}", wall) for wall in table.walls]) for label, name in charts),
-    )
+    return [(label, [(f"{wall}: {name}", wall) for wall in table.walls]) for label, name in charts]
 
-
-# ---- Mean heat flux over time, in the same way
 
 _OF_FLUX: Panels = (
     ("of a square $K$ [W/K]", (("along", r"along $G$"), ("across", r"across $G$"))),
@@ -485,19 +426,44 @@ _OF_FLUX: Panels = (
     ),
     (r"$T'/(|G| d)$ [–]", (("fluctuation", ""),)),
 )
+_CHARTS_OF_FLUX = (
+    ("along G, of a square [W/K]", (("along", ""),)),
+    ("share of motion [–]", (("share_motion", ""),)),
+)
+_A = ("a_c", "a_n", "a_t", "a_l")
+_NETWORKS = ("strong", "weak")
+_OF_FABRIC: Panels = (
+    ("anisotropy [–]", tuple((name, f"${name}$") for name in _A)),
+    (
+        "stress ratio $q/p$ [–]",
+        (("stress_ratio", "measured"), ("stress_fabric", "½ Σ$a$")),
+    ),
+    *(
+        (f"{network} network [–]", tuple((f"{network}_{name}", f"${name}$") for name in _A[:3]))
+        for network in _NETWORKS
+    ),
+    (
+        "share of strong [–]",
+        tuple((f"strong_{key}", text) for key, text in (
+            ("share", "contacts"), ("pressure", "$p$"), ("deviator", "$q$"))),
+    ),
+    ("direction [°]", (("theta_s", r"stress, $\theta_\sigma$"), ("theta_c", r"$\theta_c$"))),
+    ("share of sliding [–]", tuple((f"{name}_sliding", name) for name in _NETWORKS)),
+    ("mobilization [–]", tuple((f"{name}_mobilization", name) for name in _NETWORKS)),
+)  # fmt: skip
+_TOUCHES = (
+    ("edge_edge", "edges"), ("edge_corner", "edge, corner"), ("corner_corner", "corners"),
+)  # fmt: skip
+_OF_SHAPES: Panels = (
+    ("share of contacts [–]", _TOUCHES),
+    ("share of forces [–]", tuple((f"{name}_force", text) for name, text in _TOUCHES)),
+    ("anisotropy $a_{lt}$ [–]", (("a_lt", ""),)),
+    ("nematic order [–]", (("nematic_order", ""),)),
+)
 
 
-def draw_mean_heat(figure: Any, table: MeanHeat) -> None:
-    """Draw the panels into a matplotlib figure."""
-    grid = figure.subplots(2, 2, sharex=True)
-    draw_panels(figure, grid, table, _OF_FLUX)
-    _limit_shares(grid[0, 1])
-
-
-def mean_heat_text(table: MeanHeat, _terminal: Terminal) -> str:
-    """Conductance and its share of motion over time, in low charts."""
-    charts = (("along G, of a square [W/K]", "along"), ("share of motion [–]", "share_motion"))
-    return _charts_of(table, ((label, [(name, "")]) for label, name in charts))
+def _of_fabric(table: Fabric) -> Panels:
+    return (*_OF_FABRIC, *(panel for panel in _OF_SHAPES if panel[1][0][0] in table.values))
 
 
 FIGURES = {
@@ -511,17 +477,23 @@ FIGURES = {
         draw_series,
         series_text,
     ),
-    FlowTable: Renderer(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text),
-    Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),
-    CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
-    Conductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_conductivity, conductivity_text),
-    LayerConductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_layer, layer_text),
-    LayerFlow: Renderer(
-        lambda table: (PAGE, PAGE * (0.72 if "share_contacts" in table.values else 0.52)),
-        draw_layer_flow,
-        layer_flow_text,
+    Rheology: over_time(_OF_RHEOLOGY, _CHARTS_OF_RHEOLOGY),
+    CellRheology: over_time(_OF_CELL, _CHARTS_OF_CELL, height=1.1),
+    RegionTable: over_time(
+        _of_region, _charts_of_region, columns=3, height=0.62, finish=_count_rises
     ),
-    WallHeatTable: Renderer(lambda _: (PAGE, 0.72 * PAGE), draw_wall_heat, wall_heat_text),
-    MeanHeat: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_mean_heat, mean_heat_text),
-    RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),
+    Conductivity: over_time(_OF_CONDUCTIVITY, _CHARTS_OF_CONDUCTIVITY),
+    LayerConductivity: over_time(_OF_LAYER, _CHARTS_OF_LAYER),
+    LayerFlow: over_time(
+        _of_layer_flow,
+        _CHARTS_OF_LAYER_FLOW,
+        finish=lambda grid, table: (
+            _limit_shares(grid[-1, 1]) if "share_contacts" in table.values else None
+        ),
+    ),
+    WallHeatTable: over_time(_of_walls, _charts_of_walls),
+    MeanHeat: over_time(
+        _OF_FLUX, _CHARTS_OF_FLUX, finish=lambda grid, _table: _limit_shares(grid[0, 1])
+    ),
+    Fabric: over_time(_of_fabric, by_name(_OF_FABRIC[:3])),
 }

@@ -18,7 +18,9 @@ from multicor_cli.plots.style import (
     draw_text,
     draw_with_errors,
     explain_errors,
+    in_axes,
     name_frame,
+    use_powers,
     without_components,
 )
 from multicor_cli.post import (
@@ -63,7 +65,7 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
     axes.set_ylabel(upwards)
     axes.locator_params(axis="x", nbins=5)
     axes.set_ylim(0.0, profiles.first.height)
-    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    use_powers(axes, "both")
 
 
 def draw_profile(axes: Any, table: ProfileTable) -> None:
@@ -73,7 +75,7 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     draw_with_errors(axes, table.value, table.y, table.error, "o", names=names, color=COLORS[0])
     across, upwards = axis_labels(table)
     axes.locator_params(axis="x", nbins=5)
-    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    use_powers(axes, "both")
     axes.set_xlabel(across)
     label = f"{table.field.label}{table.about_groups}"
     count_small_rises(axes.xaxis, label, table.field.symbol, table.units[1], table.value)
@@ -136,7 +138,7 @@ def _draw_pair(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None:
     axes.set_xlabel(axis_labels(pair.first)[0])
     axes.set_ylabel("height $y/H$ [–]")
     axes.set_ylim(0.0, 1.0)
-    axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    use_powers(axes, "x")
     field, values = pair.first.field, np.concatenate([table.value for table in tables])
     count_small_rises(axes.xaxis, field.label, field.symbol, pair.first.units[1], values)
     axes.legend(loc="best")
@@ -242,11 +244,7 @@ def diffusion_text(table: Diffusion, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    Diffusion: Renderer(
-        lambda _: (COLUMN, 0.85 * COLUMN),
-        lambda figure, table: draw_diffusion(figure.add_subplot(), table),
-        diffusion_text,
-    ),
+    Diffusion: Renderer((COLUMN, 0.85 * COLUMN), in_axes(draw_diffusion), diffusion_text),
     ProfileSet: Renderer(
         lambda table: (
             (COLUMN, COLUMN)
@@ -257,16 +255,12 @@ FIGURES = {
         profiles_text,
     ),
     ProfileTable: Renderer(
-        lambda _: (COLUMN, 0.9 * COLUMN),
-        lambda figure, table: draw_profile(figure.add_subplot(), table),
+        (COLUMN, 0.9 * COLUMN),
+        in_axes(draw_profile),
         lambda table, terminal: profiles_text(ProfileSet(table.field.name, (table,)), terminal),
     ),
     Comparison: Renderer(
         lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text
     ),
-    ThetaTable: Renderer(
-        lambda _: (COLUMN, 0.8 * COLUMN),
-        lambda figure, table: draw_theta_eta(figure.add_subplot(), table),
-        theta_eta_text,
-    ),
+    ThetaTable: Renderer((COLUMN, 0.8 * COLUMN), in_axes(draw_theta_eta), theta_eta_text),
 }

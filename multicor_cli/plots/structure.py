@@ -14,6 +14,7 @@ from multicor_cli.plots.style import (
     Terminal,
     TextLine,
     draw_text,
+    in_axes,
     legend_above,
 )
 from multicor_cli.post import PairCorrelation, StructureFactor, VelocityCorrelation, VoronoiTable
@@ -151,15 +152,9 @@ FIGURES = {
         draw_structure,
         structure_text,
     ),
-    StructureFactor: Renderer(
-        lambda _: (COLUMN, 0.8 * COLUMN),
-        lambda figure, table: _draw_factor(figure.add_subplot(), table),
-        factor_text,
-    ),
-    VoronoiTable: Renderer(lambda _: (COLUMN, 1.4 * COLUMN), draw_voronoi, voronoi_text),
+    StructureFactor: Renderer((COLUMN, 0.8 * COLUMN), in_axes(_draw_factor), factor_text),
+    VoronoiTable: Renderer((COLUMN, 1.4 * COLUMN), draw_voronoi, voronoi_text),
     VelocityCorrelation: Renderer(
-        lambda _: (COLUMN, 0.8 * COLUMN),
-        lambda figure, table: draw_correlation(figure.add_subplot(), table),
-        correlation_text,
+        (COLUMN, 0.8 * COLUMN), in_axes(draw_correlation), correlation_text
     ),
 }

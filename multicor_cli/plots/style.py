@@ -129,6 +129,11 @@ def legend_above(panel: Any, columns: int, *handles: Any, **more: Any) -> None:
     panel.legend(*handles, ncols=columns, borderaxespad=0.1, columnspacing=1.0, **place, **more)
 
 
+def use_powers(axes: Any, axis: str = "y") -> None:
+    """Let labels of ticks below 10⁻³ or above 10⁴ share a power of ten."""
+    axes.ticklabel_format(axis=axis, scilimits=(-3, 4), useMathText=True)
+
+
 def color_map(name: str) -> str:
     """The name that matplotlib has for the colors of a quantity."""
     return "RdBu_r" if name == "balance" else name  # the nearest to what the page calls balance
@@ -442,15 +447,13 @@ def _frame(
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
 _OVER_TIME = (
-    "conductivity", "crossings", "energy", "layer_conductivity", "mean_heat", "region", "rheology",
-    "wall_heat",
+    "conductivity", "energy", "fabric", "layer_conductivity", "region", "rheology", "wall_heat",
 )  # fmt: skip
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
-    **dict.fromkeys(("avalanches", "residence"), "events"),
-    **dict.fromkeys(("fabric", "chains", "lifetimes"), "texture"),
-    **dict.fromkeys(("heat_network", "hot_spots"), "heat"),
+    **dict.fromkeys(("avalanches", "crossings", "mixing"), "events"),
+    **dict.fromkeys(("chains", "lifetimes"), "texture"),
     **dict.fromkeys(("correlation", "voronoi"), "structure"),
     "mobilization": "forces",
 }
@@ -458,11 +461,18 @@ _DRAWN_IN = {
 
 
 class Renderer(NamedTuple):
-    """How a table is drawn: size [inch], into a figure of matplotlib, as text for a terminal."""
+    """How a table is drawn: size [inch], or what tells it of the table; into a figure of
+    matplotlib; as text for a terminal.
+    """
 
-    size: Callable[[Any], tuple[float, float]]
+    size: tuple[float, float] | Callable[[Any], tuple[float, float]]
     draw: Callable[..., None]
     text: Callable[..., str]
+
+
+def in_axes(draw: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+    """What draws a table into axes, for the only ones of a figure."""
+    return lambda figure, table: draw(figure.add_subplot(), table)
 
 
 def plot(table: Any, path: str | Path, **options: Any) -> None:
@@ -481,7 +491,8 @@ def plot(table: Any, path: str | Path, **options: Any) -> None:
         TypeError: If it is no table of `multicor_cli.post`.
     """
     renderer = _renderer(table)
-    with figure_file(Path(path), *renderer.size(table)) as figure:
+    size = renderer.size(table) if callable(renderer.size) else renderer.size
+    with figure_file(Path(path), *size) as figure:
         renderer.draw(figure, table, **options)
 
 

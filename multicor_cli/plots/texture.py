@@ -1,4 +1,4 @@
-"""Figures of the texture of packings: fabric, force chains, clusters, lifetimes of contacts."""
+"""Figures of the texture of packings: force chains, clusters, lifetimes of contacts."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.forces import LEGEND, draw_network, explain_network
 from multicor_cli.plots.grain_map import place_scene
-from multicor_cli.plots.over_time import Panels, draw_charts, draw_panels
+from multicor_cli.plots.over_time import Panels, by_name, over_time
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     HOLLOW,
-    PAGE,
     TITLE,
     PlotError,
     Renderer,
@@ -23,45 +22,14 @@ from multicor_cli.plots.style import (
     draw_picture,
     draw_text,
     explain_errors,
+    in_axes,
     name_frame,
 )
 from multicor_cli.post.chains import LEAST, ChainLengths, ChainMap, Chains, Clusters
-from multicor_cli.post.fabric import Fabric
 from multicor_cli.post.lifetimes import Lifetimes
-from multicor_cli.post.table import TimeTable
 
-# ---- Fabric, chains and clusters over time
+# ---- Chains and clusters over time
 
-_A = ("a_c", "a_n", "a_t", "a_l")
-_NETWORKS = ("strong", "weak")
-_OF_FABRIC: Panels = (
-    ("anisotropy [–]", tuple((name, f"${name}$") for name in _A)),
-    (
-        "stress ratio $q/p$ [–]",
-        (("stress_ratio", "measured"), ("stress_fabric", "½ Σ$a$")),
-    ),
-    *(
-        (f"{network} network [–]", tuple((f"{network}_{name}", f"${name}$") for name in _A[:3]))
-        for network in _NETWORKS
-    ),
-    (
-        "share of strong [–]",
-        tuple((f"strong_{key}", text) for key, text in (
-            ("share", "contacts"), ("pressure", "$p$"), ("deviator", "$q$"))),
-    ),
-    ("direction [°]", (("theta_s", r"stress, $\theta_\sigma$"), ("theta_c", r"$\theta_c$"))),
-    ("share of sliding [–]", tuple((f"{name}_sliding", name) for name in _NETWORKS)),
-    ("mobilization [–]", tuple((f"{name}_mobilization", name) for name in _NETWORKS)),
-)  # fmt: skip
-_KINDS = (
-    ("edge_edge", "edges"), ("edge_corner", "edge, corner"), ("corner_corner", "corners"),
-)  # fmt: skip
-_OF_SHAPES: Panels = (
-    ("share of contacts [–]", _KINDS),
-    ("share of forces [–]", tuple((f"{name}_force", text) for name, text in _KINDS)),
-    ("anisotropy $a_{lt}$ [–]", (("a_lt", ""),)),
-    ("nematic order [–]", (("nematic_order", ""),)),
-)
 _OF_CHAINS: Panels = (
     ("chains/1000 grains [–]", (("chains", ""),)),
     ("share of grains [–]", (("share", ""),)),
@@ -76,34 +44,6 @@ _OF_CLUSTERS: Panels = (
     ("mean size [contacts]", (("mean_size", "by number"), ("weight_size", "by weight"))),
     ("share of largest [–]", (("largest_share", ""),)),
 )
-
-
-def _over_time(panels: Panels, height: float, more: Panels = ()) -> Renderer:
-    """Two panels beside each other, of a height over the width of the page; of some tables more."""
-
-    def of(table: TimeTable) -> Panels:
-        return (*panels, *(panel for panel in more if panel[1][0][0] in table.values))
-
-    def rows(table: TimeTable) -> int:
-        return (len(of(table)) + 1) // 2
-
-    def size(table: TimeTable) -> tuple[float, float]:
-        return PAGE, height * rows(table) / (len(panels) // 2) * PAGE
-
-    def draw(figure: Any, table: TimeTable) -> None:
-        grid = figure.subplots(rows(table), 2, sharex=True)
-        draw_panels(figure, grid, table, of(table))
-
-    def text(table: TimeTable, _terminal: Terminal) -> str:
-        return draw_charts(
-            (
-                label.replace("$", ""),
-                [TextLine(name, table.time, table.values[name]) for name, _ in quantities],
-            )
-            for label, quantities in panels[:3]
-        )
-
-    return Renderer(size, draw, text)
 
 
 # ---- Lengths of chains, and the chains of a frame
@@ -215,24 +155,15 @@ def lifetimes_text(table: Lifetimes, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    Fabric: _over_time(_OF_FABRIC, 0.9, _OF_SHAPES),
-    Chains: _over_time(_OF_CHAINS, 0.72),
-    Clusters: _over_time(_OF_CLUSTERS, 0.52),
-    ChainLengths: Renderer(
-        lambda _: (COLUMN, 0.85 * COLUMN),
-        lambda figure, table: draw_lengths(figure.add_subplot(), table),
-        lengths_text,
-    ),
+    Chains: over_time(_OF_CHAINS, by_name(_OF_CHAINS[:3])),
+    Clusters: over_time(_OF_CLUSTERS, by_name(_OF_CLUSTERS[:3])),
+    ChainLengths: Renderer((COLUMN, 0.85 * COLUMN), in_axes(draw_lengths), lengths_text),
     ChainMap: Renderer(
-        lambda _: (COLUMN, COLUMN),
+        (COLUMN, COLUMN),
         lambda figure, table: draw_chains(
             place_scene(figure, table.network.scene, has_bar=False, top=LEGEND + TITLE).axes, table
         ),
         chains_text,
     ),
-    Lifetimes: Renderer(
-        lambda _: (COLUMN, 0.85 * COLUMN),
-        lambda figure, table: draw_lifetimes(figure.add_subplot(), table),
-        lifetimes_text,
-    ),
+    Lifetimes: Renderer((COLUMN, 0.85 * COLUMN), in_axes(draw_lifetimes), lifetimes_text),
 }

@@ -13,7 +13,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.cuts import Cut, reach_of
+from multicor_cli.post.rings import Cut, reach_of
 from multicor_cli.post.source import (
     BIN_LIMIT,
     Frame,
@@ -21,7 +21,6 @@ from multicor_cli.post.source import (
     Run,
     bin_count,
     frames_of,
-    model_of,
     need_grains,
 )
 from multicor_cli.text import choices
@@ -193,7 +192,7 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
         if lower is not None and upper is not None:
             gap += float(at[upper] - at[lower]) / len(indices)
             continue
-        y, (down, up) = np.asarray(frame.position)[:, 1], reach_of(model_of(source, frame), frame)
+        y, (down, up) = np.asarray(frame.position)[:, 1], reach_of(frame.model, frame)
         floor = min(floor, float((y + down[:, 1]).min()))
         top = float(at[upper]) if upper is not None else float((y + up[:, 1]).max())
         ceiling = max(ceiling, top - (float(at[lower]) if lower is not None else 0.0))

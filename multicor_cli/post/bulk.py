@@ -21,10 +21,10 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     frames_of,
-    model_of,
     need_grains,
     need_same_grains,
     refuse_cell,
+    times_of,
 )
 from multicor_cli.post.table import Quantity
 
@@ -159,19 +159,26 @@ class Bulk(NamedTuple):
         In a cell ∫ √((ε_xx − ε_yy)² + (2ε_xy)²) dt, in a layer that of the slope of displacements,
         if the same grains are there in both frames; elsewhere there is no one strain.
         """
-        frames, times = frames_of(source, chosen), np.asarray(source.frames.time)[chosen]
         if source.model.is_cell:
-            return sheared_between(source, times)
-        return np.array([self._strain(source, *pair) for pair in pairwise(frames)])
+            return sheared_between(source, times_of(source, chosen))
+        return np.array([self._strain(*pair) for pair in pairwise(frames_of(source, chosen))])
 
-    def _strain(self, source: Run, first: Frame, second: Frame) -> float:
+    def _strain(self, first: Frame, second: Frame) -> float:
         if self.band is None:
             return np.nan
         try:
             need_same_grains(first, second)
-            return abs(strain_and_spin(self.band, model_of(source, second), first, second)[0])
+            return abs(strain_and_spin(self.band, second.model, first, second)[0])
         except PostError:
             return np.nan
+
+
+def refuse_walls_of_cell(margin: float | None, between: Between | None) -> None:
+    """Raises `PostError` if a margin, or walls, are given for a cell."""
+    if margin is not None or between is not None:
+        raise PostError(
+            "a cell that is periodic in x and y has no walls: leave out --margin and --between"
+        )
 
 
 def find_bulk(

@@ -20,11 +20,12 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frame_index,
     frames_of,
     frames_told,
-    model_of,
     need_grains,
+    times_of,
 )
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.post.table import (
@@ -69,16 +70,8 @@ class Clusters(TimeTable):
     Contacts with walls do not count: a wall would join all that slide on it.
 
     Attributes:
-        time: Times of the frames [s], shape ``(f,)``.
         values: Each of `OF_CLUSTERS` by name, nan where nothing slides, shape ``(f,)``.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def clusters(source: Run, selection: Selection | None = None) -> Clusters:
@@ -93,20 +86,18 @@ def clusters(source: Run, selection: Selection | None = None) -> Clusters:
         MissingLibrary: If SciPy is not installed.
         StoreError: If the run cannot be read.
     """
-    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
+    chosen = with_forces(source, chosen_frames(source, selection))
     need_grains(source, chosen)
     rows = []
     for frame in frames_of(source, chosen):
-        contacts = loaded_contacts(frame, model_of(source, frame))
+        contacts = loaded_contacts(frame, frame.model)
         between = ~contacts.is_wall
         slides = between & contacts.sliding
         i, j = contacts.i[slides], contacts.j[slides]
         size = np.bincount(components(i, j, contacts.grain_count)[i]) if i.size else np.zeros(0)
         rows.append(_sizes(size[size > 0], contacts.grain_count, int(between.sum())))
-    values = np.array(rows).T
-    quantities = [q.over_time(own) for q, own in zip(OF_CLUSTERS, values, strict=True)]
-    times = np.asarray(source.frames.time, np.float64)[chosen]
-    return Clusters(times, quantities, frames_told(source, chosen), frames=chosen)
+    values = dict(zip((q.name for q in OF_CLUSTERS), np.array(rows).T, strict=True))
+    return Clusters.of_frames(source, chosen, OF_CLUSTERS, values)
 
 
 def _sizes(size: NDArray[Any], grains: int, contacts: int) -> tuple[float, ...]:
@@ -217,17 +208,9 @@ class Chains(TimeTable):
     nematic order of n links is |Σ e^{2iθ}|/n: 1 if all are parallel, about 1/√n by chance.
 
     Attributes:
-        time: Times of the frames [s], shape ``(f,)``.
         values: Each of `OF_CHAINS` by name, nan where not known, shape ``(f,)``.
         angle: Largest angle [°].
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "angle", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def chains(source: Run, selection: Selection | None = None, *, angle: float = ANGLE) -> Chains:
@@ -252,12 +235,8 @@ def chains(source: Run, selection: Selection | None = None, *, angle: float = AN
             1.0, contacts.grain_count, own.length.size, own.length.sum(),
             own.length.max(initial=0), own.link.size, (x * x - y * y).sum(), (2.0 * x * y).sum(),
         ))  # fmt: skip
-    times = np.asarray(source.frames.time, np.float64)[chosen]
-    averages = average_rows(_derive, np.array(rows, np.float64), times)
-    quantities = [q.over_time(averages.values[q.name]) for q in OF_CHAINS]
-    parts: dict[str, Any] = {"mean": averages.mean, "spread": averages.spread, "frames": chosen}
-    facts = {"angle": angle, **frames_told(source, chosen)}
-    return Chains(times, quantities, facts, **parts)
+    averages = average_rows(_derive, np.array(rows, np.float64), times_of(source, chosen))
+    return Chains.of_frames(source, chosen, OF_CHAINS, averages, angle=angle)
 
 
 def _derive(sums: Floats) -> dict[str, Floats]:
@@ -278,12 +257,12 @@ def find_all(
     """The frames that have forces, and the contacts and chains of each, one after the other."""
     if not 0.0 < angle < 90.0:
         raise PostError(f"the angle {angle:g} of chains must be between 0 and 90 degrees")
-    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
+    chosen = with_forces(source, chosen_frames(source, selection))
     need_grains(source, chosen)
 
     def found() -> Iterator[tuple[LoadedContacts, FoundChains]]:
         for frame in frames_of(source, chosen):
-            model = model_of(source, frame)
+            model = frame.model
             contacts = loaded_contacts(frame, model)
             yield contacts, find_chains(contacts, model, angle)
 
@@ -302,8 +281,6 @@ class ChainLengths(Table):
         count: Chains in all frames, shape ``(r,)``.
         decay_length: l₀ of P(l) ∝ exp(−l/l₀) of greatest likelihood; ``decay_length_error``.
         angle: Largest angle of `Chains` [°].
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -332,8 +309,9 @@ def chain_lengths(
     weight = np.repeat(number[:, np.newaxis], count.shape[1], axis=1)
     share, error = average(Sums(count.astype(np.float64), weight, weight))
     sums = np.column_stack([[own.sum() for own in lengths], number])
-    times = np.asarray(source.frames.time, np.float64)[chosen]
-    decay = average_rows(lambda rows: {"it": decay_length(rows[:, 0] / rows[:, 1])}, sums, times)
+    decay = average_rows(
+        lambda rows: {"it": decay_length(rows[:, 0] / rows[:, 1])}, sums, times_of(source, chosen)
+    )
     columns = [
         Column("length", "", np.arange(LEAST, longest + 1), "grains"),
         Column("P", "1", share),

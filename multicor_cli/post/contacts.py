@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.post.lattice import lattice_of
-from multicor_cli.post.source import Frame, PostError, Run, need_heat
+from multicor_cli.post.source import Frame, PostError, Run, need_heat, places_of
 
 if TYPE_CHECKING:
     from multicor_cli.store.frames import Contacts
@@ -45,10 +45,8 @@ class OfShapes(NamedTuple):
 
     def only(self, which: NDArray[np.int64]) -> OfShapes:
         """Those of some of them."""
-        return OfShapes(
-            self.normal[which], self.branch[which], self.arm[which], self.virial[which],
-            self.own[which], self.other[which], self.number[which], self.sliding[which],
-        )  # fmt: skip
+        kept: list[Any] = [values[which] for values in self]
+        return OfShapes(*kept)
 
 
 class Points(NamedTuple):
@@ -230,6 +228,14 @@ def has_forces(frame: Frame) -> bool:
     return bool(frame.contacts.recorded) and frame.dt > 0.0
 
 
+def pressure_of(frame: Frame, model: Model, area: float) -> float:
+    """½ tr Σ f⊗ℓ/area of the contacts of a frame [N/m]; nan where no forces belong to it."""
+    if not has_forces(frame):
+        return np.nan
+    loaded = loaded_contacts(frame, model)
+    return 0.5 * float((loaded.virial(0, 0) + loaded.virial(1, 1)).sum()) / area
+
+
 def loaded_contacts(frame: Frame, model: Model) -> LoadedContacts:
     """The contacts of a frame that carry a force."""
     return contacts_at(frame, model, np.flatnonzero(frame.contacts.force[:, 0]))
@@ -318,7 +324,7 @@ def _points_of(
     rows, lattice, row = found.rows, lattice_of(model, frame).reduced, found.row
     i, j = np.asarray(rows.i, np.int64), np.asarray(rows.j, np.int64)
     normal, arm = (np.asarray(each, np.float64) for each in (rows.normal, rows.arm))
-    is_wall, place = j >= model.grain_count, np.asarray(frame.position, np.float64)[:, :2]
+    is_wall, place = j >= model.grain_count, places_of(frame)
     gap = np.asarray(rows.gap, np.float64)[:, np.newaxis] * normal
     way = place[i] + arm - place[np.where(is_wall, i, j)]  # from the center of j
     image = lattice.nearest(way)

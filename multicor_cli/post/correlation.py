@@ -19,7 +19,7 @@ from multicor_cli.post.source import (
     Selection,
     frames_of,
     frames_told,
-    model_of,
+    times_of,
 )
 from multicor_cli.post.structure import Region, pair_bins, region_of
 from multicor_cli.post.sums import Spread, note_on_bins, of_sums
@@ -60,8 +60,6 @@ class VelocityCorrelation(Table):
         mean_diameter: Mean diameter d̄ [m].
         grain_count: Grains that count, averaged over the frames.
         margin: What is left out at sides that are not periodic, in mean diameters.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
         note: How many bins of C of velocities drift, or have too few frames for good errors.
     """
 
@@ -106,7 +104,7 @@ def correlation(
     if not fluctuation > _NOTHING * fastest:
         raise PostError("nothing moves beside the mean flow in these frames: choose others")
     distance = np.asarray(width * (known + 1.0), np.float64)
-    times = np.asarray(source.frames.time, np.float64)[chosen]
+    times = times_of(source, chosen)
     value, spreads = of_sums(lambda sums: _derive(sums, count, known, distance), rows, times)
     columns = [Column("distance", "1", distance, "r/d"), Column("r", "m", distance * diameter)]
     lengths: dict[str, float] = {}
@@ -136,10 +134,7 @@ def _fluctuations(source: Run, chosen: NDArray[np.int64]) -> Callable[[Frame], F
     def turning(frame: Frame) -> Any:
         return RelativeFrame(frame, np.column_stack([frame.spin, np.zeros(len(frame.spin))]))
 
-    weighted = (
-        (turning(frame), model_of(source, frame).disc_radius ** 2)
-        for frame in frames_of(source, chosen)
-    )
+    weighted = ((turning(frame), frame.model.disc_radius**2) for frame in frames_of(source, chosen))
     spins = fit_flow(bins.extent, min(bins.width, source.model.mean_diameter), weighted)
     return lambda frame: np.column_stack(
         [flow.fluctuation(frame), spins.fluctuation(turning(frame))[:, 0]]

@@ -10,27 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Between, find_extent
-from multicor_cli.post.bulk import find_band, strain_and_spin
+from multicor_cli.post.bins import Between, find_extent, heights
+from multicor_cli.post.bulk import find_band, refuse_walls_of_cell, strain_and_spin
+from multicor_cli.post.conductivity import intervals_to_forget
 from multicor_cli.post.flow import fit_flow
 from multicor_cli.post.lattice import sheared_between
-from multicor_cli.post.mean_heat import intervals_to_forget
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
     frames_told,
-    model_of,
     need_grains,
     need_same_grains,
+    times_of,
 )
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, Table, average_ratios
 
-LAGS = 40
-"""Most lags of the table, evenly spaced on a logarithmic scale."""
+_LAGS = 40  # of a table, at most
+
+
+def lags_of(frames: int) -> NDArray[np.int64]:
+    """Lags between frames, up to half of them, evenly spaced on a logarithmic scale, ``(l,)``."""
+    lags = np.geomspace(1, max(1, (frames - 1) // 2), _LAGS)
+    return np.unique(lags.round().astype(np.int64))
 
 
 class Diffusion(Table):
@@ -57,8 +63,6 @@ class Diffusion(Table):
         shear_rate: Of the mean flow [1/s].
         diameter: Mean diameter [m].
         counted_from: See above.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -83,31 +87,28 @@ def diffusion(
             given a margin or walls.
         StoreError: If the run cannot be read.
     """
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
     if chosen.size < 3:
         raise PostError(
             f"diffusion needs three frames, not {chosen.size}: choose more with --from or --frames"
         )
-    times = np.asarray(source.frames.time, np.float64)[chosen]
+    times = times_of(source, chosen)
     if source.model.is_cell:
-        if margin is not None or between is not None:
-            raise PostError(
-                "a cell that is periodic in x and y has no walls: leave out --margin and --between"
-            )
-        ways = _in_cell(source, chosen, times)
+        refuse_walls_of_cell(margin, between)
+        way = np.array([np.asarray(f.nonaffine, np.float64) for f in frames_of(source, chosen)])
+        everyone = np.ones(way.shape[:2], np.bool_)
+        ways = _Ways(way - way[0], everyone, sheared_between(source, times))
     else:
         ways = _between_walls(source, chosen, times, margin, between)
     rate, back = float(ways.strain.sum() / (times[-1] - times[0])), intervals_to_forget(ways.strain)
-    found = average_ratios(_derive, _growth(ways, np.diff(times), back), times)
-    lags = np.unique(np.geomspace(1, max(1, (chosen.size - 1) // 2), LAGS).round().astype(np.int64))
-    rows = np.array([_mean_squares(ways, times, int(lag)) for lag in lags])
-    names = ("lag", "strain", "msd_x", "error_x", "msd_y", "error_y", "origins")
-    units = ("s", "1", "m2", "m2", "m2", "m2", "")
-    labels = (
-        "lag", "strain", "mean square x", "standard error", "mean square y", "standard error",
-        "origins",
-    )  # fmt: skip
+    found = average_ratios(
+        lambda sums: {axis: sums[:, k] / sums[:, 2] for k, axis in enumerate("xy")},
+        _growth(ways, np.diff(times), back),
+        times,
+    )
+    rows = np.array([_mean_squares(ways, times, lag) for lag in lags_of(chosen.size).tolist()])
+    lag, strain, x, error_x, y, error_y, origins = rows.T
     facts = {
         "diffusion": [found.mean[axis] for axis in "xy"],
         "diffusion_error": [float(found.spread[axis].error) for axis in "xy"],
@@ -115,10 +116,14 @@ def diffusion(
         **frames_told(source, chosen),
     }  # fmt: skip
     columns = [
-        Column(name, unit, values, label, name)
-        for name, unit, values, label in zip(names, units, rows.T, labels, strict=True)
+        Column("lag", "s", lag),
+        Column("strain", "1", strain),
+        Column("msd_x", "m2", x, "mean square x"),
+        Column("error_x", "m2", error_x, "standard error"),
+        Column("msd_y", "m2", y, "mean square y"),
+        Column("error_y", "m2", error_y, "standard error"),
+        Column("origins", "", origins.astype(np.int64)),
     ]
-    columns[-1] = columns[-1]._replace(values=rows[:, -1].astype(np.int64))
     return Diffusion(columns, facts, frames=chosen)
 
 
@@ -134,11 +139,6 @@ class _Ways(NamedTuple):
     way: Floats
     counts: NDArray[np.bool_]
     strain: Floats
-
-
-def _in_cell(source: Run, chosen: NDArray[np.int64], times: Floats) -> _Ways:
-    way = np.array([np.asarray(f.nonaffine, np.float64) for f in frames_of(source, chosen)])
-    return _Ways(way - way[0], np.ones(way.shape[:2], np.bool_), sheared_between(source, times))
 
 
 @dataclass(frozen=True)
@@ -173,9 +173,9 @@ def _between_walls(
     frames, lapses = list(frames_of(source, chosen)), np.diff(times).tolist()
     is_in_bulk = []
     for frame in frames:
-        (low, high), y = band.edges(frame), np.asarray(frame.position, np.float64)[:, 1]
+        (low, high), y = band.edges(frame), heights(frame)
         is_in_bulk.append((y > low) & (y < high))
-    weight = model_of(source, frames[0]).disc_radius ** 2
+    weight = frames[0].model.disc_radius ** 2
     halves: list[Any] = []
     strain = []
     for (first, second), lapse, bulk in zip(pairwise(frames), lapses, is_in_bulk, strict=False):
@@ -183,7 +183,7 @@ def _between_walls(
         half = _HalfWay.between(first, second, lapse)
         rest = _without_line(half.position[:, 1], half.velocity, weight * bulk)
         halves.append(replace(half, velocity=rest))
-        strain.append(abs(strain_and_spin(band, model_of(source, second), first, second)[0]))
+        strain.append(abs(strain_and_spin(band, second.model, first, second)[0]))
     flow = fit_flow(extent, model.mean_diameter, ((half, weight) for half in halves))
     steps = [flow.fluctuation(half) * dt for half, dt in zip(halves, lapses, strict=True)]
     way = np.concatenate([np.zeros((1, weight.size, 2)), np.cumsum(steps, axis=0)])
@@ -225,10 +225,6 @@ def _growth(ways: _Ways, lapse: Floats, back: int) -> Floats:
         rows[k, :2] = 0.5 * (_squares(ways, start, k + 1) - _squares(ways, start, k))
         rows[k, 2] = lapse[k]
     return rows
-
-
-def _derive(sums: Floats) -> dict[str, Floats]:
-    return {"x": sums[:, 0] / sums[:, 2], "y": sums[:, 1] / sums[:, 2]}
 
 
 def _mean_squares(ways: _Ways, times: Floats, lag: int) -> tuple[float, ...]:

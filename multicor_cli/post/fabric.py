@@ -9,18 +9,18 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.bins import Between
 from multicor_cli.post.bulk import Bulk, find_bulk
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
-from multicor_cli.post.forces import sum_directions, waves_of
+from multicor_cli.post.forces import direction_of, sum_directions, waves_of
 from multicor_cli.post.mobilization import laws_over_time, mobilized
-from multicor_cli.post.orientation import KINDS, axes_of, has_axes, kinds_of, order_of
+from multicor_cli.post.rings import axes_of, has_axes, order_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
-    frames_told,
-    model_of,
 )
+from multicor_cli.post.spots import KINDS, kinds_of
 from multicor_cli.post.table import Quantity, TimeTable
 
 _KINDS = (
@@ -104,21 +104,13 @@ class Fabric(TimeTable):
     it would be sheared the other way; shares of strong, weak and tensile contacts add up to 1.
 
     Where not all grains are discs, there are `OF_SHAPES`, too: shares of contacts by kind, and what
-    they have of the sum of the normal forces that press (`multicor_cli.post.orientation.kinds_of`);
+    they have of the sum of the normal forces that press (`multicor_cli.post.spots.kinds_of`);
     and, if any has a long axis, nematic order and director of those with their center in the bulk.
 
     Attributes:
-        time: Times of the frames [s], shape ``(f,)``.
         values: Each of `QUANTITIES` by name, nan where not known, shape ``(f,)``.
         margin: What is left out next to the surface of each wall [m]; 0 if nothing is.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "margin", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def fabric(
@@ -141,11 +133,11 @@ def fabric(
             `multicor_cli.post.bulk.find_bulk`.
         StoreError: If the run cannot be read.
     """
-    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
+    chosen = with_forces(source, chosen_frames(source, selection))
     bulk, laws = find_bulk(source, chosen, margin, between), laws_over_time(source)
     rows = []
     for frame in frames_of(source, chosen):
-        model = model_of(source, frame)
+        model = frame.model
         contacts = loaded_contacts(frame, model)
         part = mobilized(contacts, contacts.sliding, laws(frame), model, frame)
         counted = ~contacts.is_wall & bulk.holds(frame, contacts)
@@ -166,11 +158,9 @@ def fabric(
             "or lower --margin where there are walls"
         )
     for name in values.keys() & _DIRECTIONS:  # within 90° of their mean, which is within 0 … 180°
-        middle = _degrees(complex(np.nansum(np.exp(2j * np.radians(values[name])))))
+        middle = direction_of(complex(np.nansum(np.exp(2j * np.radians(values[name])))))
         values[name] = middle + (values[name] - middle + 90.0) % 180.0 - 90.0
-    facts = {"margin": bulk.margin, **frames_told(source, chosen)}
-    times = np.asarray(source.frames.time, np.float64)[chosen]
-    return Fabric(times, [q.over_time(values[q.name]) for q in shown], facts, frames=chosen)
+    return Fabric.of_frames(source, chosen, shown, values, margin=bulk.margin)
 
 
 def _lengths(contacts: LoadedContacts) -> Floats:
@@ -227,7 +217,7 @@ def _measure(
         known = np.isfinite(mobilization)
         mean = float(mobilization[known].mean()) if known.any() else np.nan
         own = {"sliding": float(slides.mean()), "mobilization": mean}
-        return anisotropies | own | {"theta_c": _degrees(waves["c"])}
+        return anisotropies | own | {"theta_c": direction_of(waves["c"])}
 
     found |= of(np.ones(len(force), np.bool_))
     c, n, t, along = (found[f"a_{key}"] for key in "cntl")
@@ -235,7 +225,7 @@ def _measure(
     ratio = abs(q) / p if p > 0.0 else np.nan
     found |= {
         "stress_ratio": ratio, "stress_fabric": first, "difference": ratio - first,
-        "stress_fabric_full": full, "theta_s": _degrees(axis),
+        "stress_fabric_full": full, "theta_s": direction_of(axis),
     }  # fmt: skip
     presses = force[:, 0] > 0.0
     if not presses.any():
@@ -257,8 +247,3 @@ def _stress_fabric(
     first = 0.5 * (c + n + t + length) + 0.5 * across
     full = first + 0.125 * c * length * (3.0 * n + t) + 0.125 * c * across * (n - t)
     return first, full / (1.0 + 0.5 * (c * n + c * length + n * length) + 0.5 * t * across)
-
-
-def _degrees(wave: complex) -> float:
-    """θ of a e^{2iθ} [°], 0 … 180."""
-    return float(np.degrees(0.5 * np.angle(wave)) % 180.0)

@@ -16,7 +16,7 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import contacts_at, heat_flows
 from multicor_cli.post.lattice import gradient_of, relative_velocity
-from multicor_cli.post.source import Frame, PostError, Run, model_of
+from multicor_cli.post.source import Frame, PostError, places_of
 from multicor_cli.post.table import Quantity
 
 # ---- Where coarse-grained fields are wanted: a grid, a polar grid, a line, or rings about a center
@@ -226,12 +226,10 @@ def column_names(known: Known) -> tuple[str, ...]:
     return (*_GRAINS, *_SLOPES, *(name for is_there, names in more if is_there for name in names))
 
 
-def frame_sums(
-    source: Run, frame: Frame, points: FieldPoints, coarse: CoarseGrid, known: Known
-) -> Floats:
+def frame_sums(frame: Frame, points: FieldPoints, coarse: CoarseGrid, known: Known) -> Floats:
     """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
-    model = model_of(source, frame)
-    position = coarse.lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
+    model = frame.model
+    position = coarse.lattice.wrapped(places_of(frame))
     columns = _of_grains(frame, model, position, points, coarse, known)
     if known.stress or known.flux:
         columns += _of_contacts(frame, model, position, points, coarse, known)

@@ -11,17 +11,18 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import field_sums
 from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import has_conduction, has_forces
-from multicor_cli.post.cuts import reach_of
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.lattice import lattice_of
+from multicor_cli.post.rings import reach_of
 from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
     frames_told,
-    model_of,
     need_grains,
+    places_of,
 )
 from multicor_cli.post.sums import pseudo_values, standard_errors
 from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
@@ -53,8 +54,6 @@ class FieldTable(Table):
             consecutive frames if there are more, of fewer if there are so many points that these
             would fill the memory.
         reach: How far the kernel reaches [m].
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
         scene: Grains and walls of the last frame.
         note: From which ring on rings reach beyond the grains, if any does; else empty.
     """
@@ -102,7 +101,7 @@ def fields(
     diameter = source.model.mean_diameter
     if (is_radial and center is None) or (along is not None and center is not None):
         raise PostError("rings need a center; a line has none")
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
     span = min(lattice_of(source.model, frame).span for frame in frames_of(source, chosen))
     _refuse_sizes(spacing, reach, diameter, span)
@@ -119,11 +118,11 @@ def fields(
     blocks = Blocks(_most_rows(len(points.coordinates) * len(names)) if points.is_grid else None)
     coarse, sizes = None, list[float]()
     for frame in frames_of(source, chosen):
-        sizes.append(model_of(source, frame).mean_diameter)  # grains may grow and wear
+        sizes.append(frame.model.mean_diameter)  # grains may grow and wear
         lattice = lattice_of(source.model, frame)
         if coarse is None or coarse.lattice != lattice:
             coarse = CoarseGrid(points.at, reach * diameter, lattice)
-        sums = field_sums.frame_sums(source, frame, points, coarse, there)
+        sums = field_sums.frame_sums(frame, points, coarse, there)
         blocks.add(sums)
 
     size = float(np.mean(sizes))
@@ -216,8 +215,8 @@ def _points(
     if center is not None:
         inner, outer = np.inf, 0.0  # how near to the center grains come, and how far they reach
         for frame in frames_of(source, chosen):
-            radius = model_of(source, frame).grains.radius
-            position = np.asarray(frame.position, np.float64)[:, :2]
+            radius = frame.model.grains.radius
+            position = places_of(frame)
             away = np.hypot(*(position - np.array(center)).T)
             inner = min(inner, max(float((away - radius).min()), 0.0))
             outer = max(outer, float((away + radius).max()))
@@ -240,8 +239,8 @@ def _box(source: Run, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Lower left and upper right corner of a box that holds the grains in all frames [m]."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for frame in frames_of(source, chosen):
-        position = np.asarray(frame.position, np.float64)[:, :2]
-        ends = position + reach_of(model_of(source, frame), frame)
+        position = places_of(frame)
+        ends = position + reach_of(frame.model, frame)
         low, high = np.minimum(low, ends[0].min(axis=0)), np.maximum(high, ends[1].max(axis=0))
     return low, high
 

@@ -19,7 +19,14 @@ from multicor_cli.post.lattice import (
     near_pairs,
     relative_velocity,
 )
-from multicor_cli.post.source import Frame, Run, frames_of, model_of, need_same_grains
+from multicor_cli.post.source import (
+    Frame,
+    Run,
+    SeenFrame,
+    frames_of,
+    need_same_grains,
+    places_of,
+)
 
 _CELL_LIMIT = 1000
 # Weight of the slopes beside that of the grains: it decides only what no grain does
@@ -60,14 +67,10 @@ class CellFlow:
 
 
 @dataclass(frozen=True)
-class RelativeFrame:
+class RelativeFrame(SeenFrame):
     """A frame for profiles of fluctuations: velocity relative to the mean flow [m/s] ``(n, 2)``."""
 
-    frame: Frame
     velocity: NDArray[Any]
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.frame, name)
 
 
 def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow | CellFlow:
@@ -84,7 +87,7 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow | 
     if extent.is_cell:
         return CellFlow()
     spacing = min(bins.width, source.model.mean_diameter)
-    weighted = ((f, model_of(source, f).disc_radius ** 2) for f in frames_of(source, chosen))
+    weighted = ((f, f.model.disc_radius**2) for f in frames_of(source, chosen))
     return fit_flow(extent, spacing, weighted)
 
 
@@ -163,7 +166,7 @@ def d2min(model: Model, before: Frame, after: Frame, leant: float | None = None)
     """
     need_same_grains(before, after)
     lattice = lattice_of(model, before).reduced
-    points = lattice.wrapped(np.asarray(before.position, np.float64)[:, :2])
+    points = lattice.wrapped(places_of(before))
     moved = (
         _moved_in_cell(model, before, after, points, leant)
         if model.is_cell
@@ -221,7 +224,7 @@ def _moved_in_cell(
     Nobody counts how often grains cross its sides: of all images the nearest is taken.
     """
     first, second = lattice_of(model, before), lattice_of(model, after)
-    end = np.asarray(after.position, np.float64)[:, :2]
+    end = places_of(after)
     beside = end - points @ deformation(first, second, before, after, leant).T
 
     def moved(i: Any, j: Any) -> Floats:

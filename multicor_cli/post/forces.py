@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
-from multicor_cli.post.grain_map import make_scene
+from multicor_cli.post.grain_map import GrainScene, make_scene
 from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
     bin_count,
+    chosen_frames,
     frame_index,
     frames_of,
     frames_told,
-    model_of,
     need_grains,
 )
 from multicor_cli.post.sums import scatter
@@ -41,6 +41,8 @@ NUMBERS = {
 """Labels, with their units, of the numbers of a whole network."""
 SUMMARY = tuple(NUMBERS)
 """Their names."""
+
+_XY = ((0, "x"), (1, "y"))
 
 
 class ForceNetwork(Table):
@@ -80,9 +82,8 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
     need_grains(source, np.array([index]))
     with_forces(source, np.array([index]))
     chosen = source.frames[index]
-    loaded, scene = loaded_contacts(chosen, model_of(source, chosen)), make_scene(source, chosen)
-    start, sliding = scene.center[loaded.i], loaded.sliding
-    touch = start + loaded.arm
+    loaded, scene = loaded_contacts(chosen, chosen.model), make_scene(source, chosen)
+    sliding = loaded.sliding
     count, n, with_walls = len(loaded.force), loaded.grain_count, int(loaded.is_wall.sum())
     normal, tangential = loaded.force.T if count else (np.array([np.nan]),) * 2
     summary = {
@@ -97,27 +98,30 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
     }
     if loaded.shaped is not None:
         summary["points"] = float(loaded.point_counts.sum()) / n
-    columns = [Column("i", "", loaded.i), Column("j", "", loaded.j)]
-    for name, unit, values, labels in (
-        ("touch_{}", "m", touch, {"x": "x", "y": "y"}),
-        ("normal_{}", "1", loaded.normal, {"x": "normal x", "y": "normal y"}),
-        ("{}_force", "N", loaded.force, {k: f"{k} force" for k in ("normal", "tangential")}),
-    ):
-        columns += [
-            Column(name.format(key), unit, column, label)
-            for (key, label), column in zip(labels.items(), values.T, strict=True)
-        ]
-    parts = {
-        "scene": scene, "normal": loaded.normal, "start": start, "end": start - loaded.branch,
-        "touch": touch, "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall,
-        "summary": summary,
-    }  # fmt: skip
+    columns, parts = lines_of(loaded, scene)
+    columns += [Column(f"normal_{k}", "1", loaded.normal[:, a], f"normal {k}") for a, k in _XY]
+    columns += [
+        Column(f"{name}_force", "N", loaded.force[:, k], f"{name} force")
+        for k, name in enumerate(("normal", "tangential"))
+    ]
     return ForceNetwork(
         values_of_quantities([(NUMBERS[name], value) for name, value in summary.items()]),
         {"frame": index, "time": float(np.asarray(source.frames.time)[index]), **summary},
         [*columns, Column("slides", "", sliding.astype(np.int64), "sliding")],
-        **parts,
-    )
+        normal=loaded.normal, force=loaded.force, sliding=sliding, summary=summary, **parts,
+    )  # fmt: skip
+
+
+def lines_of(contacts: LoadedContacts, scene: GrainScene) -> tuple[list[Column], dict[str, Any]]:
+    """Bodies and places of contacts as columns, and what is drawn of a network of any kind."""
+    start = scene.center[contacts.i]
+    touch = start + contacts.arm
+    columns = [Column("i", "", contacts.i), Column("j", "", contacts.j)]
+    columns += [Column(f"touch_{k}", "m", touch[:, a], k) for a, k in _XY]
+    return columns, {
+        "scene": scene, "start": start, "end": start - contacts.branch, "touch": touch,
+        "is_wall": contacts.is_wall,
+    }  # fmt: skip
 
 
 # ---- How contact forces are distributed: over magnitudes, and over directions
@@ -147,8 +151,6 @@ class ForceDistribution(Table):
         count: Normal forces in each bin, shape ``(b,)``.
         mean, tangential_mean: Mean normal and tangential force without its sign [N].
         contacts: Number of contacts.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
         normal_scatter, tangential_scatter: Standard deviations from frame to frame; nan with one.
     """
 
@@ -170,8 +172,6 @@ class AngularDistribution(Table):
         moments_scatter, density_scatter, normal_scatter, tangential_scatter: Standard deviations
             from frame to frame; nan with one frame.
         contacts: Number of contacts.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -358,10 +358,12 @@ def _moments_of(sums: Floats, wave: complex) -> dict[str, float]:
     """Anisotropies, and their directions in degrees."""
     waves = waves_of(sums, wave)
     moments = {f"a_{name}": float(abs(value)) for name, value in waves.items()}
-    return moments | {
-        f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0)
-        for name, value in waves.items()
-    }
+    return moments | {f"theta_{name}": direction_of(value) for name, value in waves.items()}
+
+
+def direction_of(wave: complex) -> float:
+    """θ of a e^{2iθ} [°], 0 … 180."""
+    return float(np.degrees(0.5 * np.angle(wave)) % 180.0)
 
 
 def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
@@ -376,7 +378,7 @@ def _between_grains(
     source: Run, selection: Selection | None
 ) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
-    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
+    chosen = with_forces(source, chosen_frames(source, selection))
     frames = frames_of(source, chosen)
-    loaded = (loaded_contacts(frame, model_of(source, frame)) for frame in frames)
+    loaded = (loaded_contacts(frame, frame.model) for frame in frames)
     return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())

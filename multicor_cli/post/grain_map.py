@@ -11,17 +11,16 @@ from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
-from multicor_cli.post.orientation import order_of
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
-from multicor_cli.post.rings import Rings, rings_of
+from multicor_cli.post.rings import Rings, order_of, rings_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     frame_index,
-    model_of,
     need_grains,
     placed_walls,
+    places_of,
 )
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
 from multicor_cli.text import choices
@@ -64,9 +63,9 @@ def make_scene(source: Run, frame: Frame) -> GrainScene:
     Raises:
         StoreError: If the run cannot be read.
     """
-    model = model_of(source, frame)
+    model = frame.model
     radius, lattice = model.grains.radius, lattice_of(model, frame)
-    center = lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
+    center = lattice.wrapped(places_of(frame))
     pose = np.asarray(frame.wall_position, np.float64)
     walls = [outline for _, outline in placed_walls(model, pose)]
     for outline in walls:
@@ -80,20 +79,19 @@ def make_scene(source: Run, frame: Frame) -> GrainScene:
         box = _find_box(center, radius, walls)
         if model.period > 0.0:
             box[:, 0] = 0.0, model.period
-    return GrainScene(center, radius, walls, lattice, box, _rings(source, frame, center))
+    return GrainScene(center, radius, walls, lattice, box, _rings(frame, center))
 
 
-def _rings(source: Run, frame: Frame, center: Floats) -> Rings | None:
+def _rings(frame: Frame, center: Floats) -> Rings | None:
     """Lines around the grains of a frame, whose centers are these."""
-    model = getattr(frame, "run_model", source.model)
+    model = frame.run_model
     if model.outlines is None:
         return None
     rings = rings_of(model.outlines)
     if frame.is_open:
         rings = rings.of_grains(frame.number)
-    radius = getattr(frame, "radius", None)
-    if radius is not None:
-        rings = rings.sized(radius / model.grains.radius[frame.number])
+    if frame.radius is not None:
+        rings = rings.sized(frame.radius / model.grains.radius[frame.number])
     return rings.placed(center, np.asarray(frame.angle, np.float64))
 
 

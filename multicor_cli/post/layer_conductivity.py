@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,27 +14,26 @@ from multicor_cli.model.columns import GIVEN
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Extent, find_extent, heights, wall_spans
 from multicor_cli.post.bulk import Band, find_band
-from multicor_cli.post.conductivity import Network, thickness_of
+from multicor_cli.post.conductivity import SHARES, WAYS, Network, thickness_of
 from multicor_cli.post.contacts import (
     NOTHING_CONDUCTS,
     conducting_contacts,
-    has_forces,
-    loaded_contacts,
+    pressure_of,
     with_conduction,
 )
-from multicor_cli.post.mean_heat import SHARES, WAYS
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
-    frames_told,
     left_out,
-    model_of,
     need_grains,
     need_heat,
+    need_two,
     solid_conductivity,
+    times_of,
     turned,
     wall_temperatures,
 )
@@ -132,7 +131,6 @@ class LayerConductivity(TimeTable):
     k = K/h. Only contacts conduct; see ``left_out``.
 
     Attributes:
-        time: Times of the frames [s], shape ``(f,)``.
         values: Each of `LAYER_QUANTITIES` by name, nan where not known, shape ``(f,)``.
         walls: Names of the lower and upper wall.
         height: Their mean distance H [m].
@@ -140,14 +138,7 @@ class LayerConductivity(TimeTable):
         margin: What is no bulk next to the surface of each wall [m].
         thickness: That of the discs [m]; nan of spheres, and of discs of several thicknesses.
         left_out: What else conducts in the run, and is not counted; empty if nothing does.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "walls", "height", "width", "margin", "thickness", "left_out", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def layer_conductivity(
@@ -172,12 +163,12 @@ def layer_conductivity(
         MissingLibrary: If SciPy is not installed.
         StoreError: If the run cannot be read.
     """
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     source, _, extent, walls = _find_layer(source, chosen, between)
     counted = with_conduction(source, chosen)
     band = find_band(source.model, extent, margin)
     rows = [
-        _measure(model_of(source, frame), frame, band, walls, plane_width(source, frame))
+        _measure(frame.model, frame, band, walls, plane_width(source, frame))
         for frame in frames_of(source, counted)
     ]
     values = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -185,16 +176,13 @@ def layer_conductivity(
         raise PostError(NOTHING_CONDUCTS)
     scales = _scales(source, "")
     values |= {name: values["square"] / scale for name, scale in scales.items()}
-    times = np.asarray(source.frames.time, np.float64)[counted]
     names = source.model.walls.names
-    facts = {
-        "walls": (names[walls[0]], names[walls[1]]), "height": float(values["height"].mean()),
-        "width": float(values["width"].mean()), "margin": band.margin,
-        "thickness": thickness_of(source.model), "left_out": left_out(source),
-        **frames_told(source, counted),
-    }  # fmt: skip
-    quantities = [q.over_time(values[q.name]) for q in _known(LAYER_QUANTITIES, scales)]
-    return LayerConductivity(times, quantities, facts, frames=counted)
+    return LayerConductivity.of_frames(
+        source, counted, _known(LAYER_QUANTITIES, scales), values,
+        walls=(names[walls[0]], names[walls[1]]), height=float(values["height"].mean()),
+        width=float(values["width"].mean()), margin=band.margin,
+        thickness=thickness_of(source.model), left_out=left_out(source),
+    )  # fmt: skip
 
 
 def _measure(
@@ -210,10 +198,6 @@ def _measure(
     area = width * height
     network = Network(contacts.i, node, h, contacts.branch, n + 2, area)
     conductance, temperature = network.between(n, n + 1)
-    pressure = np.nan
-    if has_forces(frame):
-        loaded = loaded_contacts(frame, model)
-        pressure = 0.5 * float((loaded.virial(0, 0) + loaded.virial(1, 1)).sum()) / area
     inside = h[~contacts.is_wall]
     contact = float(inside.mean()) if inside.size else np.nan
     square = conductance * height / width
@@ -222,7 +206,7 @@ def _measure(
         "solid_fraction": np.pi * float((model.disc_radius**2).sum()) / area,
         "coordination": float(contacts.counts.sum()) / n,
         "joined": float(np.isfinite(temperature[:n]).mean()),
-        "pressure": pressure,
+        "pressure": pressure_of(frame, model, area),
         "conductance": conductance,
         "square": square,
         "square_bulk": conductance / width / _slope(frame, band, temperature[:n]),
@@ -268,26 +252,17 @@ class LayerFlow(TimeTable):
     it. What stays is their difference: heat that the grains store, or that comes from friction or
     goes elsewhere. Only where it is small against Q is G = Q/ΔT the conductance of a steady state.
     K = G H/W, k = K/h as in `LayerConductivity`. Shares are parts of the flux in the layer, from
-    heat times its way from wall to wall, as in `multicor_cli.post.mean_heat.MeanHeat`: of contacts,
-    the gas in the gaps, radiation between neighbors and with walls, and grains that move. They are
-    known from file format 1.11 on.
+    heat times its way from wall to wall, as in `multicor_cli.post.conductivity.MeanHeat`: of
+    contacts, the gas in the gaps, radiation between neighbors and with walls, and grains that move.
+    They are known from file format 1.11 on.
 
     Attributes:
-        time: Ends of the intervals [s], shape ``(r,)``.
         values: Each of `FLOW_QUANTITIES` by name, nan where not known, shape ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
-        spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
         walls: Names of the hot and the cold wall.
         height, width: Mean distance of the walls and width of the layer [m].
         thickness: That of the discs [m]; nan of spheres, and of discs of several thicknesses.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "walls", "height", "width", "thickness", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def layer_flow(
@@ -305,14 +280,11 @@ def layer_flow(
             temperatures or the same one, or the run has no heat.
         StoreError: If the run cannot be read.
     """
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     source, axis, extent, walls = _find_layer(source, chosen, between)
     names = source.model.walls.names
-    if chosen.size < 2:
-        raise PostError(
-            "what flows needs two frames; only one is selected: choose more with --from or "
-            "--frames, or take the contacts of this one with --network"
-        )
+    or_else = ", or take the contacts of this one with --network"
+    need_two(chosen, "what flows needs two frames", or_else)
     rows = []
     for frame in frames_of(source, chosen):
         given = need_heat(frame.wall_heat)[[*walls], GIVEN]
@@ -327,26 +299,21 @@ def layer_flow(
         )
     if warmth[1] > warmth[0]:
         walls, hot = walls[::-1], hot[:, [1, 0, 3, 2, 4, 5]]
-    times, scales = np.asarray(source.frames.time, np.float64)[chosen], _scales(source, "flow_")
+    times, scales = times_of(source, chosen), _scales(source, "flow_")
     lapses = np.diff(times).tolist()
     sums = np.column_stack([
         [_between(*pair, lapse) for pair, lapse in zip(pairwise(hot), lapses, strict=True)],
         _carried(source, times, axis),
     ])  # fmt: skip
     found = average_ratios(lambda rows: _derive(rows, scales), sums, times)
-    facts = {
-        "walls": (names[walls[0]], names[walls[1]]), "height": float(hot[:, 4].mean()),
-        "width": float(hot[:, 5].mean()), "thickness": thickness_of(source.model),
-        **frames_told(source, chosen),
-    }  # fmt: skip
     shown = _known(FLOW_QUANTITIES, scales)
     if np.isnan(sums[:, -1]).all():
         shown = [q for q in shown if q not in SHARES]
-    parts: dict[str, Any] = {
-        of: {q.name: getattr(found, of)[q.name] for q in shown} for of in ("mean", "spread")
-    }
-    quantities = [q.over_time(found.values[q.name]) for q in shown]
-    return LayerFlow(times[1:], quantities, facts, frames=chosen, **parts)
+    return LayerFlow.of_frames(
+        source, chosen, shown, found, walls=(names[walls[0]], names[walls[1]]),
+        height=float(hot[:, 4].mean()), width=float(hot[:, 5].mean()),
+        thickness=thickness_of(source.model),
+    )  # fmt: skip
 
 
 def _between(first: Floats, second: Floats, lapse: float) -> tuple[float, ...]:

@@ -11,15 +11,17 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between
 from multicor_cli.post.bulk import Bulk, find_bulk
 from multicor_cli.post.contacts import loaded_contacts, with_forces
-from multicor_cli.post.diffusion import LAGS
+from multicor_cli.post.diffusion import lags_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
     frames_told,
-    model_of,
+    need_two,
+    times_of,
 )
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.post.table import Column, Table, average_ratios
@@ -60,8 +62,6 @@ class Lifetimes(Table):
         interval: Mean interval of the frames [s].
         shear_rate: Of the mean flow [1/s]; nan where there is no one rate.
         margin: What is left out next to the surface of each wall [m]; 0 if nothing is.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -85,16 +85,12 @@ def lifetimes(
             as `multicor_cli.post.bulk.find_bulk`.
         StoreError: If the run cannot be read.
     """
-    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    if chosen.size < 2:
-        raise PostError(
-            "lifetimes need two frames with contact forces; only one is selected: choose more with "
-            "--from or --frames"
-        )
+    chosen = with_forces(source, chosen_frames(source, selection))
+    need_two(chosen, "lifetimes need two frames with contact forces")
     bulk = find_bulk(source, chosen, margin, between)
-    times = np.asarray(source.frames.time, np.float64)[chosen]
+    times = times_of(source, chosen)
     strain = np.concatenate([[0.0], np.cumsum(bulk.strains(source, chosen))])
-    lags = np.unique(np.geomspace(1, max(1, (chosen.size - 1) // 2), LAGS).round().astype(np.int64))
+    lags = lags_of(chosen.size)
     found = [_contacts(source, bulk, frame) for frame in frames_of(source, chosen)]
     everyone = np.unique(np.concatenate([own.key for own in found]))
     if not everyone.size:
@@ -163,11 +159,9 @@ class _Contacts(NamedTuple):
 
 
 def _contacts(source: Run, bulk: Bulk, frame: Frame) -> _Contacts:
-    contacts, whole = loaded_contacts(frame, model_of(source, frame)), source.model
-    n, here = whole.grain_count, contacts.grain_count
-    number = getattr(frame, "number", None)
-    of_grain = np.arange(here) if number is None else np.asarray(number)
-    body = np.concatenate([of_grain, n + np.arange(whole.shape_count)])
+    contacts, whole = loaded_contacts(frame, frame.model), source.model
+    n = whole.grain_count
+    body = np.concatenate([frame.number, n + np.arange(whole.shape_count)])
     ends = np.sort([body[contacts.i], body[contacts.j]], axis=0)
     is_inside, force = bulk.holds(frame, contacts), contacts.force[:, 0]
     pressing = force[is_inside & (force > 0.0)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from multicor_cli.post.source import (
     Selection,
     frames_of,
     frames_told,
-    model_of,
     of_groups,
+    times_of,
 )
 from multicor_cli.post.sums import Sums, Values, average, sum_grains
 from multicor_cli.post.table import Column, Quantity, Table, TimeTable
@@ -58,7 +58,6 @@ class Mixing(TimeTable):
     largest that these groups can have at the same places: 1 with the first group above, −1 below.
 
     Attributes:
-        time: Times of the frames [s], shape ``(f,)``.
         values: `MIXING` and ``height_GROUP``, mean heights [m], by name, ``(f,)``; nan where
             there is no grain; M also with fewer than two cells, or one group alone.
         groups: Names of the groups.
@@ -66,14 +65,7 @@ class Mixing(TimeTable):
         cells: Number of cells, averaged over the frames.
         random_scatter: Standard deviation of M about 1 if groups were assigned by chance, in the
             last frame with an index.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "groups", "cell_grains", "cells", "random_scatter", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def mixing(
@@ -130,19 +122,17 @@ def mixing(
     (cells, group), random = last, np.random.default_rng(0)
     by_chance = [lacey(cells, random.permutation(group), len(names)) for _ in range(_SHUFFLES)]
     count, number = np.mean(sizes, axis=0).tolist()
-    facts = {
-        "groups": names, "cell_grains": count / number, "cells": number,
-        "random_scatter": float(np.std(by_chance)), **frames_told(source, chosen),
-    }  # fmt: skip
     kinds = [*MIXING]
     kinds += [Quantity(f"height_{name}", f"mean height of {name}", "y", "m") for name in names]
+    values = dict(zip((kind.name for kind in kinds), np.array(rows).T, strict=True))
     if source.model.is_cell:  # it has no heights
         kinds = kinds[:1]
-    quantities = [kind.over_time(each) for kind, each in zip(kinds, np.array(rows).T, strict=False)]
     if len(names) > 2:
-        del quantities[1:2]
-    times = np.asarray(source.frames.time, np.float64)[chosen]
-    return Mixing(times, quantities, facts, frames=chosen)
+        del kinds[1:2]
+    return Mixing.of_frames(
+        source, chosen, kinds, values, groups=names, cell_grains=count / number, cells=number,
+        random_scatter=float(np.std(by_chance)),
+    )  # fmt: skip
 
 
 def names_of_groups(known: tuple[str, ...], groups: Sequence[str]) -> tuple[str, ...]:
@@ -168,7 +158,7 @@ class _Grains(NamedTuple):
 
 
 def _grains(source: Run, frame: Frame, numbers: NDArray[np.int64]) -> _Grains:
-    of_grain, lattice = model_of(source, frame).grains.group, lattice_of(source.model, frame)
+    of_grain, lattice = frame.model.grains.group, lattice_of(source.model, frame)
     counts = np.isin(of_grain, numbers)
     at = lattice.wrapped(np.asarray(frame.position, np.float64)[counts, :2])
     at[:, X] -= lattice.slant * at[:, Y]  # of a tilted cell between straight sides
@@ -265,8 +255,6 @@ class Segregation(Table):
         y_edges: Edges of the bins [m], shape ``(b + 1,)``.
         walls: Names of the lower and upper wall; empty where there is none.
         height: Distance of the walls [m]; see `multicor_cli.post.bins.Extent`.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -308,11 +296,11 @@ def segregation(
     places = make_bins(source, chosen, bins, between=between)
     part = of_groups(source, names) if names else source
     first = source.model.groups.index(names[0]) if of == "share" else -1
-    (sums,) = sum_grains(part, chosen, places, [_values(source, first)], "mean")
+    (sums,) = sum_grains(part, chosen, places, [_values(first)], "mean")
     rows = [Sums(*(column[rows] for column in sums)) for rows in parts]
     value, error = (np.array(each) for each in zip(*map(average, rows), strict=True))
     area = np.array([row.area.mean(axis=0) for row in rows])
-    at = np.asarray(source.frames.time, np.float64)[chosen]
+    at = times_of(source, chosen)
     middle = np.array([at[rows].mean() for rows in parts])
     extent, quantity = places.extent, SEGREGATION[of]
     walls = source.model.walls.names
@@ -335,18 +323,20 @@ def segregation(
         Column("of_error", unit, error.ravel(), "standard error"),
         Column("of_area", "m2", area.ravel(), "area"),
     ]
+    # Halfway between the last frame of a time and the first of the next
+    between_times = [0.5 * (at[one[-1]] + at[two[0]]) for one, two in pairwise(parts)]
     return Segregation(
         columns, facts, details, quantity=quantity, frames=chosen, label=label,
-        time_edges=_edges(at, parts),
+        time_edges=np.array([at[0], *between_times, at[-1]]),
         y_edges=places.bottom + np.arange(places.count + 1) * places.width,
     )  # fmt: skip
 
 
-def _values(source: Run, group: int) -> Values:
+def _values(group: int) -> Values:
     """Whether grains are of a group, or, if it is −1, their diameters [m]."""
 
     def values(frame: Frame, shares: Shares) -> Floats:
-        grains = model_of(source, frame).grains
+        grains = frame.model.grains
         of_grains = 2.0 * grains.radius if group < 0 else (grains.group == group).astype(float)
         return np.asarray(of_grains[shares.grain], np.float64)
 
@@ -364,9 +354,3 @@ def _parts(frames: int, times: int | None) -> list[NDArray[np.int64]]:
             "or more frames with --frames"
         )
     return np.array_split(np.arange(frames), times)
-
-
-def _edges(at: Floats, parts: Sequence[NDArray[Any]]) -> Floats:
-    """Halfway between the last frame of a time and the first of the next [s]; first and last."""
-    inner = [0.5 * (at[before[-1]] + at[after[0]]) for before, after in pairwise(parts)]
-    return np.array([at[0], *inner, at[-1]])

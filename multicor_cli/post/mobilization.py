@@ -22,9 +22,9 @@ from multicor_cli.post.source import (
     Run,
     Selection,
     bin_count,
+    chosen_frames,
     frames_of,
     frames_told,
-    model_of,
 )
 from multicor_cli.post.sums import Sums, average, scatter
 from multicor_cli.post.table import Column, Table
@@ -108,7 +108,10 @@ def _friction(
     if laws.table_speed.size or laws.flash_speed.size:
         slip = np.abs(np.asarray(frame.contacts.slip, np.float64)[contacts.row])
     if laws.depends_on_temperature:
-        temperature = _temperatures(contacts, model, frame)
+        of_all = shape_temperatures(frame, model)
+        first, second = of_all[contacts.i], of_all[contacts.j]
+        # that of the grain where a wall has none
+        temperature = np.where(np.isnan(second), first, 0.5 * (first + second))
     if laws.table_speed.size:
         mu = _of_speed(laws, pair, mu, slip)
     if laws.softening_rate.size:
@@ -125,13 +128,6 @@ def _of_speed(laws: ContactLaws, pair: _Pairs, mu: Floats, speed: Floats) -> Flo
         rows, here = slice(*laws.table_start[number : number + 2].tolist()), table == number
         mu[here] = np.interp(speed[here], laws.table_speed[rows], laws.table_friction[rows])
     return mu
-
-
-def _temperatures(contacts: LoadedContacts, model: Model, frame: Frame) -> Floats:
-    """Mean temperature of both bodies [K]; that of the grain where a wall has none."""
-    temperature = shape_temperatures(frame, model)
-    first, second = temperature[contacts.i], temperature[contacts.j]
-    return np.asarray(np.where(np.isnan(second), first, 0.5 * (first + second)))
 
 
 def _softened(laws: ContactLaws, pair: _Pairs, mu: Floats, temperature: Floats) -> Floats:
@@ -174,8 +170,6 @@ class Mobilization(Table):
         mean: Mean over the contacts; ``mean_error``: its standard error.
         sliding: Share of sliding contacts; ``sliding_error``: its standard error.
         contacts: Number of contacts.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -191,11 +185,11 @@ def mobilization(source: Run, selection: Selection | None = None, bins: int = BI
         PostError: If these frames have no contact forces, or none between grains with friction.
         StoreError: If the run cannot be read.
     """
-    chosen = with_forces(source, (selection or Selection()).indices(source.frames))
+    chosen = with_forces(source, chosen_frames(source, selection))
     laws, edges = laws_over_time(source), np.linspace(0.0, 1.0, bin_count(bins) + 1)
     counts, sums = [], []
     for frame in frames_of(source, chosen):
-        model = model_of(source, frame)
+        model = frame.model
         contacts = loaded_contacts(frame, model)
         sliding = contacts.sliding
         part = mobilized(contacts, sliding, laws(frame), model, frame)

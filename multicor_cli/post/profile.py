@@ -14,18 +14,20 @@ from multicor_cli.post.bins import Between, Bins, Shares, make_bins
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.lattice import gradient_of, lattice_of, velocity_at
-from multicor_cli.post.orientation import need_axes
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, GrainQuantity
+from multicor_cli.post.rings import need_axes
 from multicor_cli.post.source import (
     Frame,
     FrameOfGroups,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
     frames_told,
-    model_of,
+    need_two,
     of_groups,
+    times_of,
     with_frames_before,
 )
 from multicor_cli.post.sums import (
@@ -72,8 +74,6 @@ class ProfileTable(Table):
         walls: Names of the lower and upper wall; empty where there is none.
         shear_rate: Mean V_upper − V_lower over the distance of the walls, or ∂v_x/∂y of a cell
             [1/s]; nan without them.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
         is_normalized: Whether ``y`` and ``value`` are normalized.
         bin_area: Area of the plane that a bin covers, averaged over the frames [m²]. Times the sum
             of the values it gives what all bins hold, for values per area: the area of the grains,
@@ -274,7 +274,7 @@ def profiles(
         PostError: As `profile`.
     """
     fields = _find_fields(of)
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     kind = fields[0].kind
     if any(field.needs_contacts for field in fields):
         chosen = with_forces(source, chosen)
@@ -289,13 +289,9 @@ def profiles(
             need_axes(source.model)
         if field.averaged is not None and field.needs_heat:
             first = source.frames[int(chosen[0])]
-            field.averaged(first, model_of(source, first))
-    if kind == "rate" and chosen.size < 2:
-        label = fields[0].label
-        raise PostError(
-            f"{label} is a rate and needs two frames; only one is selected: choose more with "
-            "--from or --frames"
-        )
+            field.averaged(first, first.model)
+    if kind == "rate":
+        need_two(chosen, f"{fields[0].label} is a rate and needs two frames")
     bins_ = make_bins(
         source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between
     )
@@ -373,7 +369,7 @@ def _bin_area(
         frames = frames_of(source, chosen)
         areas = [bins.place(frame).width * plane_width(source, frame) for frame in frames]
         return float(np.mean(areas))
-    times = np.asarray(source.frames.time)[chosen]
+    times = times_of(source, chosen)
     lapse = times[-1] - times[0] if field.kind == "rate" else chosen.size
     return float(sums.weight[:, 0].sum() / lapse)
 
@@ -396,7 +392,7 @@ def _values_of(
             moving: Any = frame
             if flow is not None:
                 moving = RelativeFrame(frame, flow.fluctuation(frame))
-            found = averaged(moving, model_of(source, frame))
+            found = averaged(moving, frame.model)
             return np.asarray(found, np.complex128 if field.of_means else np.float64)
 
         def values(frame: Frame, shares: Shares) -> Floats:

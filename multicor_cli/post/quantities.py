@@ -20,8 +20,8 @@ from multicor_cli.post.contacts import (
 )
 from multicor_cli.post.flow import d2min, fluctuations
 from multicor_cli.post.lattice import Complexes, leant_between
-from multicor_cli.post.orientation import axes_of, degrees_of, need_axes
-from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
+from multicor_cli.post.rings import axes_of, degrees_of, need_axes
+from multicor_cli.post.source import Frame, PostError, Run, need_heat, need_same_grains
 from multicor_cli.post.sums import OfMeans
 from multicor_cli.post.table import Quantity
 from multicor_cli.post.voronoi import Cells, cells_of
@@ -152,7 +152,7 @@ def _wall(column: int) -> Callable[[Frame, Model], Floats]:
 
 def _kinds(name: str) -> Callable[[Run, int], Floats]:
     return lambda source, frame: np.asarray(
-        getattr(model_of(source, source.frames[frame]).grains, name), np.float64
+        getattr(source.frames[frame].model.grains, name), np.float64
     )
 
 
@@ -196,7 +196,7 @@ def _heat_rates(source: Run, frame: int) -> Floats:
 def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int], Floats]:
     def of_grain(source: Run, frame: int) -> Floats:
         with_forces(source, np.array([frame]))
-        contacts = loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
+        contacts = loaded_contacts(source.frames[frame], source.frames[frame].model)
         return np.asarray(values(contacts), np.float64)
 
     return of_grain
@@ -206,7 +206,7 @@ def _pressures(source: Run, frame: int) -> Floats:
     """Half the trace of the stress of each grain [N/m]; of discs Σ f_n/(2π a), shape ``(n,)``."""
     with_forces(source, np.array([frame]))
     there = source.frames[frame]
-    model = model_of(source, there)
+    model = there.model
     contacts = loaded_contacts(there, model)
     if model.outlines is None:
         return np.asarray(contacts.loads / (2.0 * np.pi * model.grains.radius))
@@ -221,7 +221,7 @@ def _of_cells(values: Callable[[Cells, Model], Any]) -> dict[str, Any]:
         return np.asarray(values(cells_of(model, frame), model), np.float64)
 
     def of_grain(source: Run, frame: int) -> Floats:
-        return averaged(source.frames[frame], model_of(source, source.frames[frame]))
+        return averaged(source.frames[frame], source.frames[frame].model)
 
     return {"of_grain": of_grain, "averaged": averaged, "kind": "number", "of_others": True}
 
@@ -237,14 +237,14 @@ def _d2min(source: Run, frame: int) -> Floats:
             "the map of d2min shows what has moved since the frame before; frame 0 has none"
         )
     there, before = source.frames[frame], source.frames[frame - 1]
-    return d2min(model_of(source, there), before, there, leant_between(source, before, there))
+    return d2min(there.model, before, there, leant_between(source, before, there))
 
 
 def _directions(source: Run, frame: int) -> Floats:
     """θ of the long axes of the grains [°], shape ``(n,)``."""
     need_axes(source.model)
     there = source.frames[frame]
-    return degrees_of(axes_of(model_of(source, there), there))
+    return degrees_of(axes_of(there.model, there))
 
 
 def _direction(mean: Complexes, whole: Complexes) -> Floats:
@@ -259,7 +259,7 @@ def _heat_flux(source: Run, frame: int) -> Floats:
     area of the grain: its mean by area times the solid fraction is the flux in a bed.
     """
     with_conduction(source, np.array([frame]))
-    model = model_of(source, source.frames[frame])
+    model = source.frames[frame].model
     flows = heat_flows(source.frames[frame], model)
     contacts, n, flux = flows.contacts, model.grain_count, np.zeros((model.grain_count, 2))
     part, between = np.where(contacts.is_wall, 1.0, 0.5), ~contacts.is_wall

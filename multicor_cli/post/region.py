@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.cuts import turned
 from multicor_cli.post.quantities import PROFILED
+from multicor_cli.post.rings import turned
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
-    model_of,
+    places_of,
     refuse_cell,
+    times_of,
 )
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, TimeTable, line_of
@@ -53,7 +55,6 @@ class RegionTable(TimeTable):
 
     Attributes:
         area: Area of the part [m²].
-        time: Times of the frames [s], shape ``(f,)``.
         grains: Number of grains whose center is inside, shape ``(f,)``.
         values: By name: solid fraction; coordination; means, weighted by area, of velocity, spin
             and temperature (in runs with heat); contact stress, and kinetic stress of velocities
@@ -95,7 +96,7 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         )
     remedy = "use post rheology for all of it, post profile or post fields for parts"
     refuse_cell(source.model, "a region is not looked for among the images", remedy)
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     period, size = source.model.period, area.size
     room = Room(inside=(area,), period=period)
     if isinstance(area, Rectangle):
@@ -109,12 +110,12 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
             "twice; choose a narrower one, or a rectangle"
         )
     frames = frames_of(source, chosen)
-    counts, measured = zip(*(_measure(source, f, room, size) for f in frames), strict=True)
+    counts, measured = zip(*(_measure(f, room, size) for f in frames), strict=True)
     values = {name: np.array([row[name] for row in measured]) for name in measured[0]}
     quantities = [q.over_time(values[q.name]) for q in QUANTITIES if q.name in values]
     if not values["solid_fraction"].any():
         raise PostError("no grain is in the region in these frames")
-    grains, time = np.array(counts, np.int64), np.asarray(source.frames.time, np.float64)[chosen]
+    grains, time = np.array(counts, np.int64), times_of(source, chosen)
     return RegionTable(
         time,
         quantities,
@@ -123,9 +124,9 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
     )
 
 
-def _measure(source: Run, frame: Frame, room: Room, size: float) -> tuple[int, dict[str, float]]:
+def _measure(frame: Frame, room: Room, size: float) -> tuple[int, dict[str, float]]:
     """Number of grains whose center is inside, and the values of a frame."""
-    model, position = model_of(source, frame), np.asarray(frame.position, np.float64)[:, :2]
+    model, position = frame.model, places_of(frame)
     radius, depth = model.disc_radius, room.clearance(position)
     share = _part_inside(model, frame, position, depth, room)
     cover = np.pi * radius * radius * share

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,23 +21,25 @@ from multicor_cli.post.bulk import (
     derive_contacts,
     find_band,
     inertial_numbers,
+    refuse_walls_of_cell,
     size_sums,
     strain_and_spin,
 )
 from multicor_cli.post.contacts import has_forces
-from multicor_cli.post.cuts import cut_of
 from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
 from multicor_cli.post.lattice import Strains, lattice_of, relative_velocity, strains_of
+from multicor_cli.post.rings import cut_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
     bounds_of_intervals,
+    chosen_frames,
     frames_of,
-    frames_told,
-    model_of,
     need_same_grains,
+    need_two,
+    times_of,
 )
 from multicor_cli.post.table import Quantity, TimeTable, average_ratios, sums_between
 
@@ -52,7 +53,7 @@ SUM_NAMES = (
 
 
 def interval_sums(
-    source: Run, band: Band, flow: MeanFlow | CellFlow, first: Frame, second: Frame, lapse: float
+    band: Band, flow: MeanFlow | CellFlow, first: Frame, second: Frame, lapse: float
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 
@@ -60,7 +61,7 @@ def interval_sums(
     rest belongs to the second frame; what belongs to contacts is zero if it has none.
     """
     need_same_grains(first, second)
-    model = model_of(source, second)
+    model = second.model
     low, high = band.edges(second)
     y, cut, everyone = heights(second), cut_of(model, second), np.arange(model.grain_count)
     solid = cut.below(everyone, high - y) - cut.below(everyone, low - y)
@@ -113,21 +114,12 @@ class Rheology(TimeTable):
     that turn with the flow. The density of contact directions is (1 + a_c cos 2(θ − θ_c))/2π.
 
     Attributes:
-        time: Ends of the intervals [s], shape ``(r,)``.
         values: Each of `QUANTITIES` over time by name, nan where not known, shape ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
-        spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
         margin: What is left out next to the surface of each wall [m].
         height: Distance of the walls [m].
         walls: Names of the lower and upper wall.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "walls", "height", "margin", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def rheology(
@@ -158,34 +150,27 @@ def rheology(
             cell is given a margin or walls.
         StoreError: If the run cannot be read.
     """
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     chosen = bounds_of_intervals(source, chosen)
     if source.model.is_cell:
-        if margin is not None or between is not None:
-            raise PostError(
-                "a cell that is periodic in x and y has no walls: leave out --margin and --between"
-            )
+        refuse_walls_of_cell(margin, between)
         return cell_rheology(source, chosen)
     extent = find_extent(source, chosen, between)
     direction = _check_shear(source, extent, chosen)
     band = find_band(source.model, extent, margin)
-    times = np.asarray(source.frames.time)[chosen]
+    times = times_of(source, chosen)
     flow = mean_flow(source, chosen, make_bins(source, chosen))
     pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
-    rows = [interval_sums(source, band, flow, *pair, lapse) for pair, lapse in pairs]
+    rows = [interval_sums(band, flow, *pair, lapse) for pair, lapse in pairs]
     sums = np.column_stack([np.array(rows), _sum_walls(source, extent, times)])
     model, names = source.model, source.model.walls.names
     found = average_ratios(lambda rows: _derive(model.period, rows, direction), sums, times)
     assert extent.lower is not None
     assert extent.upper is not None
-    facts = {
-        "margin": band.margin, "height": extent.height,
-        "walls": (names[extent.lower], names[extent.upper]),
-        **frames_told(source, chosen),
-    }  # fmt: skip
-    quantities = [q.over_time(found.values[q.name]) for q in QUANTITIES]
-    parts: dict[str, Any] = {"mean": found.mean, "spread": found.spread, "frames": chosen}
-    return Rheology(times[1:], quantities, facts, **parts)
+    return Rheology.of_frames(
+        source, chosen, QUANTITIES, found, walls=(names[extent.lower], names[extent.upper]),
+        height=extent.height, margin=band.margin,
+    )  # fmt: skip
 
 
 def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> float:
@@ -197,10 +182,7 @@ def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> floa
             "rheology needs a domain that is periodic in x: between side walls there is no "
             "homogeneous shear"
         )
-    if chosen.size < 2:
-        raise PostError(
-            "rheology needs two frames; only one is selected: choose more with --from or --frames"
-        )
+    need_two(chosen, "rheology needs two frames")
     speeds = [frame.wall_velocity[:, 0] for frame in frames_of(source, chosen)]
     relative = float(np.mean([speed[extent.upper] - speed[extent.lower] for speed in speeds]))
     if relative == 0.0:
@@ -301,34 +283,21 @@ class CellRheology(TimeTable):
     linear, 1 where it slips in one plane, and of a single interval mostly chance.
 
     Attributes:
-        time: Ends of the intervals [s], shape ``(r,)``.
         values: Each of `CELL_QUANTITIES` over time by name, nan where not known, shape ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
-        spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
         width: Mean width of the cell [m].
         height: Mean height [m].
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "width", "height", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
-    )  # fmt: skip
 
 
 def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
     """The rheology of a cell from the frames ``chosen``; raises `PostError` with fewer than two."""
-    if chosen.size < 2:
-        raise PostError(
-            "rheology needs two frames; only one is selected: choose more with --from or --frames"
-        )
+    need_two(chosen, "rheology needs two frames")
     model, bins = source.model, make_bins(source, chosen)
-    times = np.asarray(source.frames.time)[chosen]
-    strains = strains_of(source)
+    times, strains = times_of(source, chosen), strains_of(source)
     ways = np.diff(times), np.diff(strains.at(times)[0][:, XY])
     pairs = zip(pairwise(frames_of(source, chosen)), *(way.tolist() for way in ways), strict=True)
-    rows = [_of_frames(source, bins, *pair, *way) for pair, *way in pairs]
+    rows = [_of_frames(bins, *pair, *way) for pair, *way in pairs]
     sums = np.column_stack([_of_series(source, strains, times), np.array(rows)])
     shear = float(sums[:, _OF_SERIES.index("stress_xy")].sum())
     found = average_ratios(
@@ -337,12 +306,10 @@ def cell_rheology(source: Run, chosen: NDArray[np.int64]) -> CellRheology:
         times,
     )
     widths = [lattice_of(model, frame).width for frame in frames_of(source, chosen)]
-    facts = {
-        "width": float(np.mean(widths)), "height": bins.extent.height, **frames_told(source, chosen)
-    }  # fmt: skip
-    quantities = [q.over_time(found.values[q.name]) for q in CELL_QUANTITIES]
-    parts: dict[str, Any] = {"mean": found.mean, "spread": found.spread, "frames": chosen}
-    return CellRheology(times[1:], quantities, facts, **parts)
+    return CellRheology.of_frames(
+        source, chosen, CELL_QUANTITIES, found, width=float(np.mean(widths)),
+        height=bins.extent.height,
+    )  # fmt: skip
 
 
 def _of_series(source: Run, strains: Strains, times: Floats) -> Floats:
@@ -359,14 +326,12 @@ def _of_series(source: Run, strains: Strains, times: Floats) -> Floats:
     return sums_between(np.asarray(series["time"]), times, rows)
 
 
-def _of_frames(
-    source: Run, bins: Bins, first: Frame, second: Frame, lapse: float, sheared: float
-) -> Floats:
+def _of_frames(bins: Bins, first: Frame, second: Frame, lapse: float, sheared: float) -> Floats:
     """Sums `_OF_FRAMES`, then c_x times area and area of the grains in each bin."""
-    model = model_of(source, second)
+    model = second.model
     slip, everywhere = relative_velocity(second), np.ones(model.grain_count, np.bool_)
     turn = np.asarray(second.angle, np.float64) - np.asarray(first.angle, np.float64)
-    cover = 0.5 * lapse * (model_of(source, first).area.sum() + model.area.sum())
+    cover = 0.5 * lapse * (first.model.area.sum() + model.area.sum())
     motion = (lapse, cover, turn.mean(), sheared, 0.5 * (slip**2).sum(), len(slip))
     shares = bins.share(heights(second), cut_of(model, second), bins.place(second))
     moved = bins.total(shares, shares.area * slip[shares.grain, X])

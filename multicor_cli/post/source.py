@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -52,15 +52,15 @@ def bin_count(bins: int) -> int:
     return count
 
 
-def model_of(source: Run, frame: Frame) -> Model:
-    """The model of the grains that are there in a frame, where grains come and go."""
-    return getattr(frame, "model", None) or source.model
-
-
 def frames_of(source: Run, chosen: NDArray[np.int64]) -> Iterator[Frame]:
     """The frames of these numbers, one after the other."""
     np.empty(_KEPT)
     return (source.frames[int(k)] for k in chosen)
+
+
+def places_of(frame: Frame) -> Floats:
+    """Centers of the grains [m], shape ``(n, 2)``."""
+    return np.asarray(frame.position, np.float64)[:, :2]
 
 
 def need_grains(source: Run, chosen: NDArray[np.int64]) -> None:
@@ -75,11 +75,18 @@ def need_grains(source: Run, chosen: NDArray[np.int64]) -> None:
 
 def need_same_grains(first: Frame, second: Frame) -> None:
     """Raises `PostError` unless two frames, to be compared grain by grain, have the same grains."""
-    before, after = (getattr(frame, "number", None) for frame in (first, second))
-    if before is not None and after is not None and not np.array_equal(before, after):
+    if not np.array_equal(first.number, second.number):
         raise PostError(
             "grains have come or gone between the frames, so that they cannot be compared grain "
             "by grain: choose frames between which none does, or a quantity of single frames"
+        )
+
+
+def need_two(chosen: NDArray[np.int64], what: str, or_else: str = "") -> None:
+    """Raises `PostError` if one frame alone is chosen: what needs two, and another remedy."""
+    if chosen.size < 2:
+        raise PostError(
+            f"{what}; only one is selected: choose more with --from or --frames{or_else}"
         )
 
 
@@ -124,28 +131,40 @@ def frame_index(frames: Frames, frame: int) -> int:
 
 
 @dataclass(frozen=True)
-class FrameSince:
-    """A frame of a run with one before it, for what happens between both."""
+class SeenFrame:
+    """A frame of which something is seen otherwise; all else is as the frame has it."""
 
-    run: Run
     frame: Frame
-    before: Frame
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.frame, name)
 
 
 @dataclass(frozen=True)
-class _FramesSince:
-    run: Run
-    before: dict[int, int]
+class _SeenFrames:
+    """The frames of a run, each as it is ``seen``, by its number; the times are as they are."""
 
-    def __getattr__(self, name: str) -> Any:  # the times, for one
-        return getattr(self.run.frames, name)
+    frames: Frames
+    seen: Callable[[int], Any]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.frames, name)
 
     def __getitem__(self, index: int) -> Any:
-        frames = self.run.frames
-        return FrameSince(self.run, frames[index], frames[self.before[index]])
+        return self.seen(index)
+
+
+def _seen(source: Run, seen: Callable[[int], Any]) -> Run:
+    frames = _SeenFrames(source.frames, seen)
+    return cast("Run", SimpleNamespace(model=source.model, frames=frames))
+
+
+@dataclass(frozen=True)
+class FrameSince(SeenFrame):
+    """A frame of a run with one before it, for what happens between both."""
+
+    run: Run
+    before: Frame
 
 
 def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDArray[np.int64]]:
@@ -153,22 +172,23 @@ def with_frames_before(source: Run, chosen: NDArray[np.int64]) -> tuple[Run, NDA
 
     Raises `PostError` if only one is chosen.
     """
-    if chosen.size < 2:
-        raise PostError(
-            "what moves from frame to frame needs two frames; only one is selected: choose more "
-            "with --from or --frames"
-        )
-    before = dict(zip(chosen[1:].tolist(), chosen.tolist(), strict=False))
-    frames = _FramesSince(source, before)
-    return cast("Run", SimpleNamespace(model=source.model, frames=frames)), chosen[1:]
+    need_two(chosen, "what moves from frame to frame needs two frames")
+    frames, before = source.frames, dict(zip(chosen[1:].tolist(), chosen.tolist(), strict=False))
+    seen = _seen(source, lambda k: FrameSince(frames[k], source, frames[before[k]]))
+    return seen, chosen[1:]
 
 
 _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060000000000000005
 
 
+def times_of(source: Run, chosen: NDArray[np.int64]) -> Floats:
+    """Times of frames [s], shape ``(f,)``."""
+    return np.asarray(source.frames.time, np.float64)[chosen]
+
+
 def frames_told(source: Run, chosen: NDArray[np.int64]) -> dict[str, Any]:
     """What JSON says of the frames that a table is about: their number, first and last time [s]."""
-    times = np.asarray(source.frames.time)[chosen]
+    times = times_of(source, chosen)
     return {"frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1]))}
 
 
@@ -237,6 +257,11 @@ class Selection:
         return chosen
 
 
+def chosen_frames(source: Run, selection: Selection | None) -> NDArray[np.int64]:
+    """Indices of the frames of a selection, by default of those that `Selection` has by default."""
+    return (selection or Selection()).indices(source.frames)
+
+
 # ---- A run as if it had only the grains of some of its groups
 
 _OF_GRAINS = ("position", "velocity", "spin", "temperature", "generated", "unwrapped", "angle")
@@ -262,8 +287,7 @@ class FrameOfGroups:
     @property
     def number(self) -> NDArray[np.int64]:
         """Numbers of these grains among all of the run, shape ``(n,)``."""
-        numbers = getattr(self.whole, "number", None)
-        return self.rows if numbers is None else np.asarray(numbers)[self.rows]
+        return np.asarray(self.whole.number)[self.rows]
 
     @property
     def contacts(self) -> Any:
@@ -277,19 +301,6 @@ class FrameOfGroups:
         return values if name not in _OF_GRAINS or values is None else np.asarray(values)[self.rows]
 
 
-@dataclass(frozen=True)
-class _Frames:
-    source: Run
-    groups: NDArray[np.int64]
-
-    def __getattr__(self, name: str) -> Any:  # the times, for one
-        return getattr(self.source.frames, name)
-
-    def __getitem__(self, index: int) -> Any:
-        frame = self.source.frames[index]
-        return FrameOfGroups(frame, model_of(self.source, frame), self.groups)
-
-
 def of_groups(source: Run, names: Sequence[str]) -> Run:
     """The run as if it had only grains of these groups; raises `PostError` if one is missing."""
     known = source.model.groups
@@ -297,7 +308,12 @@ def of_groups(source: Run, names: Sequence[str]) -> Run:
         if name not in known:
             raise PostError(f"there is no group '{name}'; {choices(name, known)}")
     groups = np.array([known.index(name) for name in names], np.int64)
-    return cast("Run", SimpleNamespace(model=source.model, frames=_Frames(source, groups)))
+
+    def seen(index: int) -> FrameOfGroups:
+        frame = source.frames[index]
+        return FrameOfGroups(frame, frame.model, groups)
+
+    return _seen(source, seen)
 
 
 # ---- A run turned by a right angle: what is measured from below upwards is from left to right
@@ -345,12 +361,8 @@ class _TurnedContacts:
 
 
 @dataclass(frozen=True)
-class _TurnedFrame:
-    frame: Frame
+class _TurnedFrame(SeenFrame):
     model: Model
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.frame, name)
 
     @cached_property
     def position(self) -> Floats:
@@ -370,20 +382,6 @@ class _TurnedFrame:
 
 
 @dataclass(frozen=True)
-class _TurnedFrames:
-    source: Run
-    model: Model
-
-    def __getattr__(self, name: str) -> Any:  # the times, for one
-        return getattr(self.source.frames, name)
-
-    def __getitem__(self, index: int) -> Any:
-        frame = self.source.frames[index]
-        model = model_of(self.source, frame)
-        return _TurnedFrame(frame, self.model if model is self.source.model else _turn_model(model))
-
-
-@dataclass(frozen=True)
 class _TurnedRun:
     source: Run
 
@@ -395,8 +393,13 @@ class _TurnedRun:
         return _turn_model(self.source.model)
 
     @cached_property
-    def frames(self) -> _TurnedFrames:
-        return _TurnedFrames(self.source, self.model)
+    def frames(self) -> _SeenFrames:
+        return _SeenFrames(self.source.frames, self._turned_frame)
+
+    def _turned_frame(self, index: int) -> _TurnedFrame:
+        frame = self.source.frames[index]
+        model = frame.model
+        return _TurnedFrame(frame, self.model if model is self.source.model else _turn_model(model))
 
 
 # ---- Where the walls of a frame are

@@ -1,8 +1,4 @@
-"""Where grains press on each other: radii of curvature, and areas of sides.
-
-Definitions are those of heat in the engine (theory §11.1), but that sharp corners have no radius
-here, and that points of a curve are one place only if their normals are.
-"""
+"""Where grains touch and press on each other: edges and corners, radii of curvature, sides."""
 
 from __future__ import annotations
 
@@ -11,13 +7,110 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model import ShapeKind
 from multicor_cli.model.columns import RADIUS
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.post.contacts import LoadedContacts
-from multicor_cli.post.orientation import ends_of
-from multicor_cli.post.source import Frame
+from multicor_cli.post.rings import around, counted
+from multicor_cli.post.source import Frame, rotated
+
+_AT_CORNER = 5e-3  # of the grain: what is nearer to a corner touches there
+_PARALLEL = 1e-6  # how far cosines of normals along each other are from 1, at most
+
+KINDS = ("edge_edge", "edge_corner", "corner_corner")
+"""How grains touch; see `kinds_of`."""
+
+
+def kinds_of(contacts: LoadedContacts, model: Model, frame: Frame) -> NDArray[np.int64]:
+    """Which of `KINDS` contacts between grains of any shape are, shape ``(c,)``; −1 with walls.
+
+    Edges meet where two points of the same pieces carry forces along the same normal. What touches
+    at one point does so with a corner, or at its rounding, of one or of both grains; of a contact
+    at several points of different pieces the one with the largest force counts. Discs and the ends
+    of rods are corners.
+    """
+    outlines = model.outlines
+    assert outlines is not None
+    points, of = contacts.points
+    count = contacts.i.size
+    force = np.abs(points.force[:, 0])
+    order = np.lexsort((force, of))
+    strongest = np.zeros(count, np.int64)
+    strongest[of[order]] = order
+    near_corner, piece = map(
+        np.array, zip(*((e.is_corner, e.piece) for e in ends_of(points, model, frame)), strict=True)
+    )
+    alike = (points.normal * points.normal[strongest[of]]).sum(axis=1) > 1.0 - _PARALLEL
+    alike &= (piece == piece[:, strongest[of]]).all(axis=0) & (force > 0.0)
+    is_side = np.bincount(of, alike, count) > 1.0
+    kind = np.where(is_side, 0, np.where(near_corner[:, strongest].all(axis=0), 2, 1))
+    return np.where(contacts.is_wall, -1, kind)
+
+
+class End(NamedTuple):
+    """Where points of contacts lie on the outlines of one of their two bodies, ``p`` of them.
+
+    Attributes:
+        grain: The grain; of walls any, shape ``(p,)``.
+        piece: The piece, −1 of walls, shape ``(p,)``.
+        corner: The nearest corner of this piece, shape ``(p,)``.
+        is_corner: Whether they are at it, or at its rounding, shape ``(p,)``.
+    """
+
+    grain: NDArray[np.int64]
+    piece: NDArray[np.int64]
+    corner: NDArray[np.int64]
+    is_corner: NDArray[np.bool_]
+
+
+def ends_of(points: LoadedContacts, model: Model, frame: Frame) -> tuple[End, End]:
+    """Where points of grains of any shape lie on their first and second bodies."""
+    outlines = model.outlines
+    assert outlines is not None
+    found = []
+    for end, arm, is_wall in (
+        (points.i, points.arm, np.zeros(points.i.size, np.bool_)),
+        (points.j, points.branch + points.arm, points.is_wall),
+    ):
+        grain, has = np.where(is_wall, 0, end).astype(np.int64), ~is_wall
+        turned = rotated(arm[has], -np.asarray(frame.angle)[grain[has]])
+        rows = np.full((2, grain.size), -1, np.int64)
+        at_corner = np.zeros(grain.size, np.bool_)
+        rows[0, has], rows[1, has], at_corner[has] = _nearest_corners(outlines, grain[has], turned)
+        found.append(End(grain, rows[0], rows[1], at_corner))
+    return found[0], found[1]
+
+
+def _nearest_corners(
+    outlines: Outlines, grain: NDArray[np.int64], at: Floats
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Pieces and nearest corners of points on outlines of grains, and whether they are at these.
+
+    Points lead from their centers at angle 0 [m], shape ``(p, 2)``.
+    """
+    first = outlines.start[outlines.piece].astype(np.int64)
+    number = np.diff(first)[grain]
+    before, after = np.cumsum(number) - number, around(outlines.start)[0]
+    corner = first[grain].repeat(number) + counted(number)
+    point = np.repeat(np.arange(grain.size), number)
+    piece = np.repeat(np.arange(outlines.rounding.size), np.diff(outlines.start))[corner]
+    edge = (outlines.corner[after] - outlines.corner)[corner]
+    way, square = at[point] - outlines.corner[corner], (edge * edge).sum(axis=1)
+    part = (way * edge).sum(axis=1) / np.where(square > 0.0, square, 1.0)
+    part = np.clip(part, 0.0, 1.0)
+    off = np.hypot(*(way - part[:, np.newaxis] * edge).T) - outlines.rounding[piece]
+    nearest = np.lexsort((np.abs(off), point))[before]
+    away = (np.minimum(part, 1.0 - part) * np.sqrt(square))[nearest]
+    size = np.sqrt(outlines.area / np.pi)[grain]
+    corner = np.where(part < 0.5, corner, after[corner])[nearest]
+    return piece[nearest], corner, away <= _AT_CORNER * size
+
+
+# ---- Radii of curvature, and areas of sides
+#
+# Definitions are those of heat in the engine (theory §11.1), but that sharp corners have no radius
+# here, and that points of a curve are one place only if their normals are.
 
 _LARGEST_CUP = 100.0  # radius of contact in a circle over the grain's, at most; as in the engine
 _BENDS = 0.3  # 2 sin ½δ of corners: those that turn by less than 17.3° are of curves
@@ -176,9 +269,7 @@ class _Bent(NamedTuple):
     @classmethod
     def of(cls, outlines: Outlines) -> _Bent:
         start, count = outlines.start.astype(np.int64), np.diff(outlines.start)
-        piece, number = np.repeat(np.arange(count.size), count), np.arange(len(outlines.corner))
-        after, before = number + 1, number - 1
-        after[start[1:] - 1], before[start[:-1]] = start[:-1], start[1:] - 1
+        piece, (after, before) = np.repeat(np.arange(count.size), count), around(start)
         x, y = (outlines.corner[after] - outlines.corner).T
         length = np.hypot(x, y)
         normal = np.column_stack([y, -x]) / np.where(length > 0.0, length, 1.0)[:, np.newaxis]
@@ -199,7 +290,7 @@ class _Bent(NamedTuple):
         local = np.column_stack([c * x + s * y, c * y - s * x])
         number = np.diff(self.start)[piece]
         before = np.cumsum(number) - number
-        edge = np.arange(number.sum()) + np.repeat(self.start[piece] - before, number)
+        edge = self.start[piece].repeat(number) + counted(number)
         point = np.repeat(np.arange(piece.size), number)
         along = (self.normal[edge] * local[point]).sum(axis=1)
         return np.asarray(edge[np.lexsort((-along, point))[before]])

@@ -18,9 +18,11 @@ from multicor_cli.post.source import (
     Run,
     Selection,
     bin_count,
+    chosen_frames,
     frames_of,
     frames_told,
     need_grains,
+    places_of,
 )
 from multicor_cli.post.sums import Sums, average, drift_note
 from multicor_cli.post.table import Column, Table
@@ -62,8 +64,6 @@ class PairCorrelation(Table):
         grain_count: Grains that count, averaged over the frames.
         region: Width and height of their region, averaged over the frames [m].
         margin: What is left out at sides that are not periodic, in mean diameters; 0 of a cell.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
         note: How many bins drift, or have too few frames for good errors; empty if none.
         factor: A structure factor that is drawn beside, or None.
     """
@@ -173,7 +173,7 @@ def margin_of(model: Model, margin: float | None) -> float:
 def region_of(model: Model, frame: Frame, margin: float) -> Region:
     """The region of the grains of a frame, without ``margin`` mean diameters at open sides."""
     lattice = lattice_of(model, frame).reduced
-    points = lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
+    points = lattice.wrapped(places_of(frame))
     which, sides = np.arange(len(points)), [lattice.width, lattice.height]
     is_open = lattice.width <= 0.0, lattice.height <= 0.0
     for axis in np.flatnonzero(is_open):
@@ -197,7 +197,7 @@ def pair_bins(
     As `pair_correlation` is asked, but for bins about ``wide`` mean diameters; raises what it does.
     """
     edge = margin_of(source.model, margin)
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
     limit = min(region_of(source.model, f, edge).limit for f in frames_of(source, chosen))
     return chosen, edge, *distance_bins(limit / source.model.mean_diameter, reach, bins, wide)
@@ -264,8 +264,6 @@ class StructureFactor(Table):
         vectors: Pairs k, −k of vectors in all frames, shape ``(b,)``.
         mean_diameter: Mean diameter d̄ [m].
         grain_count: Grains, averaged over the frames.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
         note: How many shells drift, or have too few frames for good errors; empty if none.
     """
 
@@ -293,9 +291,9 @@ def structure_factor(
             "a structure factor needs a cell that is periodic in x and y, whose waves fit into it: "
             'give [domain] periodic = ["x", "y"]; otherwise leave out --factor'
         )
-    if bins is not None and not 1 <= bins <= BIN_LIMIT:
-        raise PostError(f"{bins} bins: choose between 1 and {BIN_LIMIT}")
-    chosen = (selection or Selection()).indices(source.frames)
+    if bins is not None:
+        bin_count(bins)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
     diameter = model.mean_diameter
     largest = max(
@@ -306,7 +304,7 @@ def structure_factor(
     count = max(round(limit * diameter / _SHELL), 1) if bins is None else bins
     rows, counts = [], []
     for frame in frames_of(source, chosen):
-        points = np.asarray(frame.position, np.float64)[:, :2]
+        points = places_of(frame)
         rows.append(_shells(points, lattice_of(model, frame).reduced, limit, count))
         counts.append(len(points))
     scattered, vectors, waves = np.array(rows).transpose(1, 0, 2)

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BinPlace, Bins, Shares, heights, share_lines
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
-from multicor_cli.post.cuts import cut_of, reach_of
 from multicor_cli.post.lattice import lattice_of
+from multicor_cli.post.rings import cut_of, reach_of
 from multicor_cli.post.source import (
     Frame,
     FrameOfGroups,
     Run,
     frames_of,
-    model_of,
     need_same_grains,
+    times_of,
 )
 from multicor_cli.text import count_noun
 
@@ -261,7 +261,7 @@ def sum_grains(
     """
 
     def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
-        model, place = model_of(source, frame), bins.place(frame)
+        model, place = frame.model, bins.place(frame)
         shares = bins.share(heights(frame), cut_of(model, frame), place)
         counting = shares.area
         if kind == "number":
@@ -288,7 +288,7 @@ def sum_contacts(
     def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
         place, group = bins.place(frame), frame if isinstance(frame, FrameOfGroups) else None
         whole: Frame = frame if group is None else group.whole
-        contacts = loaded_contacts(whole, model_of(source, whole))
+        contacts = loaded_contacts(whole, whole.model)
         start = heights(whole)[contacts.i]
         end, is_around = start - contacts.branch[:, 1], bins.extent.is_cell
         lines = share_lines(start, end, *place, bins.count, is_around=is_around)
@@ -297,7 +297,7 @@ def sum_contacts(
             length = lines.area * contacts.parts(group.rows)[lines.grain]
         carried = [bins.total(lines, length * value(contacts)[lines.grain]) for value in values]
         weight = np.full(bins.count, place.width * plane_width(source, frame))
-        grains = bins.share(heights(frame), cut_of(model_of(source, frame), frame), place)
+        grains = bins.share(heights(frame), cut_of(frame.model, frame), place)
         return carried, weight, bins.total(grains, grains.area)
 
     return _gathered(map(row, frames_of(source, chosen)))
@@ -307,7 +307,7 @@ def sum_rates(
     source: Run, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
     """For increases per time and area, where grains are halfway; a row per interval of frames."""
-    model = model_of(source, source.frames[int(chosen[0])])
+    model = source.frames[int(chosen[0])].model
 
     def row(before: Frame, after: Frame, lapse: float) -> tuple[list[Floats], Floats, Floats]:
         need_same_grains(before, after)
@@ -325,7 +325,7 @@ def sum_rates(
         weight = np.full(bins.count, place.width * width * lapse)
         return gained, weight, bins.total(shares, shares.area)
 
-    lapses = np.diff(np.asarray(source.frames.time)[chosen]).tolist()
+    lapses = np.diff(times_of(source, chosen)).tolist()
     pairs = zip(pairwise(frames_of(source, chosen)), lapses, strict=True)
     return _gathered(row(before, after, lapse) for (before, after), lapse in pairs)
 
@@ -336,7 +336,7 @@ def plane_width(source: Run, frame: Frame) -> float:
         return lattice_of(source.model, frame).width
     frame = getattr(frame, "whole", frame)  # of some groups: all grains fill the plane
     x = np.asarray(frame.position, np.float64)[:, 0]
-    left, right = reach_of(model_of(source, frame), frame)[..., 0]
+    left, right = reach_of(frame.model, frame)[..., 0]
     return float((x + right).max() - (x + left).min())
 
 

@@ -11,9 +11,11 @@ from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
+from multicor_cli.post.source import Run, frames_told, times_of
 from multicor_cli.post.sums import Spread, pseudo_values, spread
 from multicor_cli.text import with_unit_signs
 
@@ -73,6 +75,9 @@ def with_unit(label: str, unit: str) -> str:
 
 class Table:
     """Columns, and facts that belong to all of them; both are attributes of the table by name.
+
+    A table of several frames has ``frames``, their indices, and ``times``, the time of the first
+    and of the last one [s].
 
     Attributes:
         columns: What people see; one value per row.
@@ -210,11 +215,11 @@ class TimeTable(Table):
 
     Attributes:
         quantities: The quantities, each with its values.
-        time: Times [s], shape ``(r,)``.
+        time: Times of the rows: of frames, or of the ends of intervals between them [s], ``(r,)``.
     """
 
     KEYS: tuple[str, ...] = ()
-    """What JSON has, in this order."""
+    """What JSON has, in this order; empty: the facts, then all about the quantities."""
 
     def __init__(
         self,
@@ -230,6 +235,25 @@ class TimeTable(Table):
         if details is None:
             details = [column._replace(label="") for column in quantities]
         super().__init__((), facts or {}, (Column("time", "s", time), *details), **parts)
+
+    @classmethod
+    def of_frames(
+        cls,
+        source: Run,
+        chosen: NDArray[np.int64],
+        quantities: Sequence[Quantity],
+        found: Mapping[str, Floats] | Averages,
+        **facts: Any,
+    ) -> Self:
+        """Some quantities by name, found in frames, or averages over intervals between them."""
+        parts: dict[str, Any] = {}
+        if isinstance(found, Averages):
+            for of in ("mean", "spread"):
+                parts[of] = {q.name: getattr(found, of)[q.name] for q in quantities}
+            found = found.values
+        columns = [q.over_time(found[q.name]) for q in quantities]
+        time = times_of(source, chosen)[-len(columns[0].values) :]
+        return cls(time, columns, {**facts, **frames_told(source, chosen)}, frames=chosen, **parts)
 
     def with_(self, **changes: Any) -> Self:
         """The same table with other values of some quantities, facts or parts."""
@@ -297,7 +321,7 @@ class TimeTable(Table):
             "time": self.time,
             "values": self.values,
         }
-        found: dict[str, Any] = plain({key: data[key] for key in self.KEYS})
+        found: dict[str, Any] = plain({key: data[key] for key in self.KEYS or data})
         return found
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import wall_spans
-from multicor_cli.post.cuts import reach_of
+from multicor_cli.post.bins import heights, wall_spans
+from multicor_cli.post.rings import reach_of
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -18,7 +18,6 @@ from multicor_cli.post.source import (
     bin_count,
     frame_index,
     frames_of,
-    model_of,
     need_grains,
     need_heat,
     refuse_cell,
@@ -94,7 +93,7 @@ def theta_eta(
     if start is None:
         need_grains(source, np.array([0]))
         first = source.frames[0]
-        thermal = model_of(source, first).thermal
+        thermal = first.model.thermal
         weights = None if thermal is None else thermal.capacity
         start = float(np.average(need_heat(first.temperature), weights=weights))
     if height is not None and not 0.0 < height < np.inf:
@@ -179,8 +178,8 @@ def _find_wall(source: Run, frame: Frame, name: str | None) -> int:
 
 def _distances(source: Run, frame: Frame, wall: int) -> tuple[Floats, float]:
     """Distances of grains from the surface of a wall below or above, and how far they reach [m]."""
-    y = np.asarray(frame.position, np.float64)[:, 1]
-    down, up = reach_of(model_of(source, frame), frame)[..., 1]
+    y = heights(frame)
+    down, up = reach_of(frame.model, frame)[..., 1]
     bottom, top = float((y + down).min()), float((y + up).max())
     lows, highs = wall_spans(source.model)
     offset, middle = float(frame.wall_position[wall, 1]), float(np.median(y))

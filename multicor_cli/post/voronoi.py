@@ -19,11 +19,13 @@ from multicor_cli.post.source import (
     Run,
     Selection,
     bin_count,
+    chosen_frames,
     frames_of,
     frames_told,
-    model_of,
     need_grains,
     placed_walls,
+    places_of,
+    times_of,
 )
 from multicor_cli.post.structure import margin_of, region_of
 from multicor_cli.post.sums import Spread, of_sums
@@ -118,7 +120,7 @@ class _Sides(NamedTuple):
 def cells_of(model: Model, frame: Frame) -> Cells:
     """The radical cells of the grains of a frame; raises `MissingLibrary` without SciPy."""
     lattice = lattice_of(model, frame).reduced
-    center = lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
+    center = lattice.wrapped(places_of(frame))
     pose, n = np.asarray(frame.wall_position, np.float64), len(center)
     walls = [*placed_walls(model, pose)]
     glued = [
@@ -332,8 +334,6 @@ class VoronoiTable(Table):
         grain_count: Grains that count, averaged over the frames.
         mean_diameter: Mean diameter d̄ [m].
         margin: What is left out at sides that are not periodic, in mean diameters.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
 
@@ -360,7 +360,7 @@ def voronoi(
         StoreError: If the run cannot be read.
     """
     diameter, edge = source.model.mean_diameter, margin_of(source.model, margin)
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
     count = _BINS if bins is None else bin_count(bins)
     rows = np.array([_sums(source, f, edge, count) for f in frames_of(source, chosen)])
@@ -370,7 +370,7 @@ def voronoi(
             "lower --margin, or choose other frames"
         )
     open_share, rows = rows[:, 0].sum() / rows[:, :2].sum(), rows[:, 1:]
-    times = np.asarray(source.frames.time, np.float64)[chosen]
+    times = times_of(source, chosen)
     values, spreads = of_sums(lambda sums: _derive(sums, count), rows, times)
     k = len(QUANTITIES)
     names = [quantity.name for quantity in QUANTITIES]
@@ -406,7 +406,7 @@ def voronoi(
 
 def _sums(source: Run, frame: Frame, margin: float, count: int) -> Floats:
     """Grains with open cells; the `_SUMS`; grains by number of neighbors and by local fraction."""
-    model = model_of(source, frame)
+    model = frame.model
     inside = region_of(source.model, frame, margin).which
     cells = cells_of(model, frame)
     known = inside[~cells.is_open[inside]]

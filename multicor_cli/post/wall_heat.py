@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
@@ -12,21 +12,24 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import GIVEN, X
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.model.shapes import Outline
-from multicor_cli.post.cuts import spans
+from multicor_cli.post.rings import spans
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
     frames_of,
     frames_told,
     gas_conductivity,
-    model_of,
     need_grains,
     need_heat,
+    need_two,
     placed_walls,
+    places_of,
     refuse_cell,
     solid_conductivity,
+    times_of,
     wall_temperatures,
 )
 from multicor_cli.post.table import Column, Quantity, TimeTable, average_ratios
@@ -60,11 +63,9 @@ class WallHeatTable(TimeTable):
     near the wall, that of an interval the mean of its two frames. Nu = h d̄/k.
 
     Attributes:
-        time: Ends of the intervals [s], shape ``(r,)``.
         values: Each of `WALL_QUANTITIES` of each wall by name, as ``floor: coefficient``, nan where
             not known, shape ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
-        spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
         walls: Names of the walls.
         left_out: Names of those that have a temperature in some of the frames alone.
         thickness: b [m].
@@ -73,15 +74,7 @@ class WallHeatTable(TimeTable):
             infinite: all.
         over: Which conductivity k is that of Nu.
         conductivity: k [W/(m K)]; nan if the scenario has none, or several.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
-
-    KEYS = (
-        "walls", "left_out", "thickness", "length", "near", "over", "conductivity", "frame_count",
-        "times", "units", "mean", "standard_error", "drift", "drift_error", "note", "time",
-        "values",
-    )  # fmt: skip
 
 
 def wall_heat(
@@ -114,12 +107,9 @@ def wall_heat(
     for name, value in (("distance", near), ("length", length)):
         if value is not None and not 0.0 < value < np.inf:
             raise PostError(f"the {name} {value:g} must be positive and finite")
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
-    if chosen.size < 2:
-        raise PostError(
-            "wall-heat needs two frames; only one is selected: choose more with --from or --frames"
-        )
+    need_two(chosen, "wall-heat needs two frames")
     if length is None and not all(f.contacts.recorded for f in frames_of(source, chosen[1:])):
         raise PostError(
             "the contacts of these frames were not recorded, which say where grains touch a wall: "
@@ -129,9 +119,14 @@ def wall_heat(
     numbers, names = _find_walls(source, warmth, walls), source.model.walls.names
     thickness = _thickness(source.model)
     conductivity = solid_conductivity(source) if over == "solid" else gas_conductivity(source)
-    times = np.asarray(source.frames.time, np.float64)[chosen]
+    times = times_of(source, chosen)
     seen = [_look(source, frame, numbers, near, length) for frame in frames_of(source, chosen)]
     means = 0.5 * (warmth[1:] + warmth[:-1])
+    over_k = source.model.mean_diameter / conductivity
+
+    def derive(sums: Floats) -> dict[str, Floats]:
+        return _derive(sums, thickness, over_k)
+
     quantities: list[Column] = []
     parts: dict[str, Any] = {"mean": {}, "spread": {}}
     for k, wall in enumerate(numbers):
@@ -141,7 +136,6 @@ def wall_heat(
                 pairwise(seen), means[:, wall].tolist(), np.diff(times).tolist(), strict=True
             )
         ]
-        derive = _deriving(thickness, source.model.mean_diameter / conductivity)
         found = average_ratios(derive, np.array(rows), times)
         for q in WALL_QUANTITIES:
             if q.name == "nusselt" and not np.isfinite(conductivity):
@@ -196,7 +190,7 @@ class _Seen(NamedTuple):
 def _look(
     source: Run, frame: Frame, walls: Sequence[int], near: float | None, length: float | None
 ) -> list[_Seen]:
-    model, temperature = model_of(source, frame), need_heat(frame.temperature)
+    model, temperature = frame.model, need_heat(frame.temperature)
     assert model.thermal is not None
     capacity, found = model.thermal.capacity, []
     for wall in walls:
@@ -236,20 +230,16 @@ def _between(first: _Seen, second: _Seen, warm: float, lapse: float) -> tuple[fl
     )  # fmt: skip
 
 
-def _deriving(thickness: float, over: float) -> Callable[[Floats], dict[str, Floats]]:
-    """What makes `WALL_QUANTITIES` of rows of sums, of b [m] and d̄/k [m² K/W]."""
-
-    def derive(sums: Floats) -> dict[str, Floats]:
-        s = dict(zip(_SUMS, sums.T, strict=True))
-        coefficient = s["given"] / (s["driving"] * thickness)
-        return {
-            "flow": s["given"] / s["lapse"],
-            **{name: s[name] / s["lapse"] for name in ("bed", "difference", "wetted")},
-            "coefficient": coefficient,
-            "nusselt": coefficient * over,
-        }
-
-    return derive
+def _derive(sums: Floats, thickness: float, over_k: float) -> dict[str, Floats]:
+    """`WALL_QUANTITIES` from rows of sums, of b [m] and d̄/k [m² K/W]."""
+    s = dict(zip(_SUMS, sums.T, strict=True))
+    coefficient = s["given"] / (s["driving"] * thickness)
+    return {
+        "flow": s["given"] / s["lapse"],
+        **{name: s[name] / s["lapse"] for name in ("bed", "difference", "wetted")},
+        "coefficient": coefficient,
+        "nusselt": coefficient * over_k,
+    }
 
 
 # ---- How far grains are from a wall
@@ -257,7 +247,7 @@ def _deriving(thickness: float, over: float) -> Callable[[Floats], dict[str, Flo
 
 def wall_distance(model: Model, frame: Frame, wall: int) -> Floats:
     """Distances of the centers of grains from the nearest line, disc or circle of a wall [m]."""
-    place = np.asarray(frame.position, np.float64)[:, :2]
+    place = places_of(frame)
     is_asked = np.arange(model.wall_count) == wall
     found = np.full(len(place), np.inf)
     for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64), is_asked):

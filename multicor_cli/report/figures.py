@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import MissingLibrary
-from multicor_cli.plots.over_time import COLOR_OF
+from multicor_cli.plots.over_time import LOOKS
 from multicor_cli.plots.profile import draw_profile
-from multicor_cli.plots.style import COLORS, house_style, rise_formatter, rise_label, rise_reference
+from multicor_cli.plots.style import COLORS, count_small_rises, house_style, use_powers
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
 from multicor_cli.store import Run
@@ -156,7 +156,7 @@ def _book_lines(
     if largest <= _ROUNDING * rest and _largest(closure) <= CLOSURE_LIMIT:
         return []
     return [
-        Line(entry.label, pick.last(books.books[entry.name]), COLOR_OF.get(entry.name, "0.5"))
+        Line(entry.label, pick.last(books.books[entry.name]), LOOKS.get(entry.name, ("", "0.5"))[1])
         for entry, size in sizes.items()
         if size > _VISIBLE * largest
     ]
@@ -200,16 +200,10 @@ def _lines(
     if log and any(np.any(line.value > 0.0) for line in shown):
         axes.set_yscale("log")
     elif not log:
-        axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        use_powers(axes)
     axes.set_ylabel(label)
-    # Temperatures that hardly differ are shown as rises above a round one
-    values = _finite(np.concatenate([line.value for line in shown])) if shown else np.zeros(0)
-    unit = label[label.index("[") + 1 : -1]
-    ends = (float(values.min()), float(values.max())) if values.size else None
-    reference = None if ends is None else rise_reference(unit, *ends)
-    if reference is not None:
-        axes.set_ylabel(rise_label("temperature", "T", reference))
-        axes.yaxis.set_major_formatter(rise_formatter(reference))
+    values = np.concatenate([np.zeros(0), *(line.value for line in shown)])
+    count_small_rises(axes.yaxis, "temperature", "T", label[label.index("[") + 1 : -1], values)
     axes.set_xlabel("time [s]")
     axes.margins(x=0.0)
     if len(shown) > 1:

@@ -20,17 +20,17 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.avalanches import EVENTS, avalanches
 from multicor_cli.post.chains import OF_CHAINS, OF_CLUSTERS, chains, clusters
+from multicor_cli.post.conductivity import FLUX_QUANTITIES, conductivity, mean_heat
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
-from multicor_cli.post.conductivity import conductivity
 from multicor_cli.post.correlation import LENGTHS, correlation
+from multicor_cli.post.crossings import residence
 from multicor_cli.post.diffusion import diffusion
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.fabric import OF_SHAPES as OF_FABRIC_OF_SHAPES
 from multicor_cli.post.fabric import QUANTITIES as OF_FABRIC
 from multicor_cli.post.fabric import fabric
 from multicor_cli.post.grain_map import grain_map
-from multicor_cli.post.heat_network import HEAT_SUMMARY, heat_network
-from multicor_cli.post.hot_spots import SPOT_QUANTITIES, hot_spots
+from multicor_cli.post.heat import HEAT_SUMMARY, SPOT_QUANTITIES, heat_network, hot_spots
 from multicor_cli.post.layer_conductivity import (
     FLOW_QUANTITIES,
     LAYER_QUANTITIES,
@@ -38,13 +38,11 @@ from multicor_cli.post.layer_conductivity import (
     layer_flow,
 )
 from multicor_cli.post.lifetimes import LIFETIMES, lifetimes
-from multicor_cli.post.mean_heat import FLUX_QUANTITIES, mean_heat
 from multicor_cli.post.mixing import MIXING, mixing
 from multicor_cli.post.profile import profile
 from multicor_cli.post.quantities import MAPPED, PROFILED, QUANTITIES
 from multicor_cli.post.region import QUANTITIES as IN_REGION
 from multicor_cli.post.region import in_region
-from multicor_cli.post.residence import residence
 from multicor_cli.post.rheology import CELL_QUANTITIES, rheology
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
 from multicor_cli.post.source import Selection

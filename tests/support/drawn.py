@@ -5,8 +5,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from multicor_cli.plots import draw_map
-from multicor_cli.plots.grain_map import place_scene
+from multicor_cli.plots.grain_map import draw_map, place_scene
 from multicor_cli.plots.style import house_style
 
 

@@ -8,7 +8,7 @@ from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import floor_and_lid, make_model
 
 from multicor_cli.model import ShapeKind, Thermal
-from multicor_cli.post.mean_heat import WAYS
+from multicor_cli.post.conductivity import WAYS
 
 THICKNESS, SOLID = 0.25, 2.0
 """Of the discs, and what they are made of conducts."""

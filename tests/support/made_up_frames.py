@@ -11,29 +11,52 @@ from multicor_cli.model import Model
 from multicor_cli.post import PROFILED, Column, ProfileTable
 
 
+class Frame(SimpleNamespace):
+    """A frame; what it does not say of its grains is that all of the model of its run are there."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("model", "run_model"):
+            return self.source.model
+        if name == "number":
+            return np.arange(len(self.position))
+        if name in ("is_open", "radius"):
+            return {"is_open": False, "radius": None}[name]
+        raise AttributeError(name)
+
+
 class Frames(list[Any]):
     """Frames with their times [s], by default 0, 1, …; all in the first stage."""
 
-    def __init__(self, frames: Iterable[Any], time: ArrayLike | None = None) -> None:
-        super().__init__(frames)
+    def __init__(self, frames: Iterable[Any], time: ArrayLike | None, source: Any) -> None:
+        super().__init__()
+        self._source = source
+        for frame in frames:
+            self.append(frame)
         self.time = np.arange(float(len(self))) if time is None else np.asarray(time)
         self.stage = np.zeros(len(self), np.int32)
+
+    def append(self, frame: Any) -> None:
+        """Add a frame of the run; one that is read from a file as it is."""
+        is_made_up = isinstance(frame, SimpleNamespace)
+        super().append(Frame(**vars(frame) | {"source": self._source}) if is_made_up else frame)
 
 
 def source_of(
     model: Model, frames: Iterable[Any], time: ArrayLike | None = None, **more: Any
 ) -> SimpleNamespace:
     """What tables can be made of instead of a run."""
-    return SimpleNamespace(model=model, frames=Frames(frames, time), **more)
+    source = SimpleNamespace(model=model, **more)
+    source.frames = Frames(frames, time, source)
+    return source
 
 
-def frame_of(position: ArrayLike, *, walls: int = 2, **said: Any) -> SimpleNamespace:
+def frame_of(position: ArrayLike, *, walls: int = 2, **said: Any) -> Frame:
     """A frame; of what is not said all is at rest, and no contacts were recorded."""
     position = np.asarray(position, float)
     n, wall = len(position), np.zeros((walls, 3))
     rest = {"velocity": np.zeros((n, 3)), "spin": np.zeros(n), "temperature": None, "dt": 1e-3}
     rest |= {"contacts": contacts_of(recorded=False), "wall_position": wall, "wall_velocity": wall}
-    return SimpleNamespace(position=position, **rest | said)
+    return Frame(position=position, **rest | said)
 
 
 def put(frame: Any, **values: ArrayLike) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 from multicor_cli import checks, post
 from multicor_cli.model import shapes
 from multicor_cli.post.avalanches import EVENTS
+from multicor_cli.post.conductivity import FLUX_QUANTITIES
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.energy import HEAT, MECHANICAL
 from multicor_cli.post.fabric import OF_SHAPES
 from multicor_cli.post.field_sums import Known, field_list
 from multicor_cli.post.forces import NUMBERS
-from multicor_cli.post.mean_heat import FLUX_QUANTITIES
 from multicor_cli.post.mixing import MIXING, SEGREGATION
 from multicor_cli.post.region import QUANTITIES as OF_REGION
 from multicor_cli.post.rheology import CELL_QUANTITIES

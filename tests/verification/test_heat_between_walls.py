@@ -16,8 +16,8 @@ from multicor_cli.post import (
     layer_flow,
     wall_heat,
 )
+from multicor_cli.post.conductivity import WAYS
 from multicor_cli.post.contacts import heat_flows
-from multicor_cli.post.mean_heat import WAYS
 
 ALL = Selection(start=0.0)
 RADIUS, THICKNESS = 1e-3, 1e-3

@@ -18,7 +18,7 @@ from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import ShapeKind, State
 from multicor_cli.model.columns import GIVEN
-from multicor_cli.post.mean_heat import WAYS
+from multicor_cli.post.conductivity import WAYS
 
 GAP, RADIUS, GAS, EMISSIVITY = 0.1, 0.5, 0.03, 0.8
 LAWS = make_heat_laws(emissivity=EMISSIVITY)

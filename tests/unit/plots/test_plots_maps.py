@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from shaped_run import ANGLE, DUMBBELL, FRAME, LOWER, PLACES, TRIANGLE, TURN, UPPER
 
 from multicor_cli.model.shapes import Polygon
-from multicor_cli.plots import draw_forces, draw_theta_eta, place_scene
 from multicor_cli.plots.fields import _fill
-from multicor_cli.plots.forces import forces_text, line_widths, lines_shown, segments
-from multicor_cli.plots.grain_map import color_scale, count_beyond, solid_polygons
+from multicor_cli.plots.forces import draw_forces, forces_text, line_widths, lines_shown, segments
+from multicor_cli.plots.grain_map import color_scale, count_beyond, place_scene, solid_polygons
+from multicor_cli.plots.profile import draw_theta_eta
 from multicor_cli.plots.style import COLORS, Terminal, house_style
 from multicor_cli.plots.vectors import round_below
 from multicor_cli.post import MAPPED, Selection, fields, force_network, grain_map, theta_eta

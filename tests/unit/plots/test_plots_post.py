@@ -13,10 +13,11 @@ from shaped_run import box
 
 from multicor_cli import plots, post
 from multicor_cli.model.outlines import Outlines
-from multicor_cli.plots import over_time
 from multicor_cli.plots.fields import _draw_mesh
+from multicor_cli.plots.forces import draw_angles, draw_distribution
 from multicor_cli.plots.heat import draw_hot_spots
-from multicor_cli.plots.texture import FIGURES
+from multicor_cli.plots.over_time import FIGURES, LOOKS, draw_energy
+from multicor_cli.plots.profile import draw_comparison
 from multicor_cli.plots.vectors import round_below, smooth_field
 from multicor_cli.post.energy import HEAT, MECHANICAL
 from multicor_cli.post.grain_map import GrainScene
@@ -29,7 +30,7 @@ ALL = post.Selection(start=0.0)
 
 def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column):
     table = post.rheology(column, ALL)
-    figure = figure_of(plots.draw_rheology, table)
+    figure = figure_of(FIGURES[type(table)].draw, table)
     panels = figure.axes
     assert len(panels) == 8
     assert figure.legends[0].get_texts()[0].get_text() == "mean"
@@ -74,7 +75,7 @@ def test_densities_of_hot_spots_break_at_empty_bins():
 
 
 def test_energy_stacks_what_came_in_and_what_went_out(column):
-    figure = figure_of(plots.draw_energy, post.energy(column))
+    figure = figure_of(draw_energy, post.energy(column))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == [
         *(f"{n} since the start [J]" for n in ("energy", "heat")),
@@ -89,7 +90,7 @@ def test_energy_stacks_what_came_in_and_what_went_out(column):
 
 def test_distributions_show_bins_with_forces_only(column):
     table = post.force_distribution(column, ALL)
-    axes = panel_of(plots.draw_distribution, table)
+    axes = panel_of(draw_distribution, table)
     assert axes.lines[0].get_ydata() == pytest.approx(table.normal[table.count > 0])
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
@@ -110,7 +111,7 @@ def test_a_polar_map_ends_where_the_grains_do(column):
 
 def test_angles_are_polar_histograms_with_their_second_harmonic(column):
     table = post.angular_distribution(column, ALL)
-    figure = figure_of(plots.draw_angles, table)
+    figure = figure_of(draw_angles, table)
     contacts, forces, across = figure.axes
     half = np.nan_to_num(table.tangential[: table.angle.size // 2])
     for axes, values in (
@@ -129,7 +130,7 @@ def test_angles_are_polar_histograms_with_their_second_harmonic(column):
 def test_comparison_shows_both_profiles_and_their_difference(column):
     of = ["velocity", "temperature"]
     found = post.compare(column, column, of, ALL, names=("one", "two"))
-    figure = figure_of(plots.draw_comparison, found)
+    figure = figure_of(draw_comparison, found)
     assert len(figure.axes) == 4
     left, right = figure.axes[:2]
     assert [line.get_label() for line in left.lines] == ["one", "two"]
@@ -223,5 +224,4 @@ def test_figures_are_written_and_reproducible(column, tmp_path):
 def test_all_books_have_a_name_and_a_color():
     for line in (*MECHANICAL, *HEAT):
         if line.sign:
-            assert line.name in over_time.COLOR_OF
-            assert line.name in over_time._SHORT
+            assert all(LOOKS[line.name])

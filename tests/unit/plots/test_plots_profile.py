@@ -8,8 +8,8 @@ from drawn import figure_of, panel_of
 from made_up_frames import profile_of
 
 from multicor_cli.optional import MissingLibrary
-from multicor_cli.plots import PlotError, draw_profile, plot
-from multicor_cli.plots.profile import FIGURES, axis_labels
+from multicor_cli.plots import PlotError, plot
+from multicor_cli.plots.profile import FIGURES, axis_labels, draw_profile
 from multicor_cli.plots.style import COLUMN
 from multicor_cli.post import Selection
 from multicor_cli.post.profile import profiles

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from multicor_cli.post import coarse, kernel
+from multicor_cli.post import coarse
 from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.field_sums import grid, line, polar_grid
 from multicor_cli.post.lattice import Lattice
@@ -32,14 +32,14 @@ def test_means_along_lines_are_those_of_a_fine_quadrature(length):
     along = np.concatenate([[0.0, 1e-6], np.linspace(0.1, 4.7, 24)])
     along, across = (values.ravel() for values in np.meshgrid(along, across))
     points, half = np.column_stack([along, across]), max(0.5 * length, 1e-6)
-    found = kernel.mean_along(along, across, np.full(along.shape, half))
+    found = coarse.mean_along(along, across, np.full(along.shape, half))
     start, branch = np.array([[-0.5 * length, 0.0]]), np.array([[length, 0.0]])
-    expected = quadrature(points, start, branch, 1.0)[:, 0] / kernel.height(1.0)
+    expected = quadrature(points, start, branch, 1.0)[:, 0] / coarse.kernel_height(1.0)
     assert found == pytest.approx(expected, abs=3e-6)
     assert (found[across >= 1.0] == 0.0).all()
-    mirrored = kernel.mean_along(-along, -across, np.full(along.shape, half))
+    mirrored = coarse.mean_along(-along, -across, np.full(along.shape, half))
     assert mirrored == pytest.approx(found, abs=1e-9)  # short lines are quotients of roundings
-    assert kernel.directions(0.5 * branch)[1] == pytest.approx([half])
+    assert coarse.directions(0.5 * branch)[1] == pytest.approx([half])
 
 
 def test_means_along_lines_in_single_steps():
@@ -53,7 +53,7 @@ def test_means_along_lines_in_single_steps():
     ]:
         q = np.minimum(np.hypot(along - half * node, across), 1.0)
         expected = 0.5 * weight @ ((1.0 + 3.0 * q) * (1.0 - q) ** 3)
-        found = kernel.mean_along(*(np.array([value]) for value in (along, across, half)))
+        found = coarse.mean_along(*(np.array([value]) for value in (along, across, half)))
         assert found == pytest.approx([expected], abs=1e-9)
 
 
@@ -74,7 +74,7 @@ def test_densities_along_branches_at_any_points(sides):
     start, branch = branches(25, [1e-7, 0.1, 1.0, 3.0], sides)
     found = CoarseGrid(points, 1.7, sides).densities_along(start, branch, np.eye(25))
     expected = quadrature(points, start, branch, 1.7, sides, nodes=400)
-    assert found == pytest.approx(expected, abs=2e-5 * kernel.height(1.7))
+    assert found == pytest.approx(expected, abs=2e-5 * coarse.kernel_height(1.7))
 
 
 # --- which sources reach which points
@@ -83,14 +83,14 @@ def test_densities_along_branches_at_any_points(sides):
 def of_all_pairs(points, middle, half, reach, sides):
     """The kernel, or its means along lines, of all pairs and their images, ``(p, b)``."""
     sides, total = sides or Lattice(), 0.0
-    ahead, length = kernel.directions(half / reach)
+    ahead, length = coarse.directions(half / reach)
     for right in range(-3, 4) if sides.width else [0]:
         for up in range(-3, 4) if sides.height else [0]:
             move = np.array([right * sides.width + up * sides.tilt, up * sides.height])
             x, y = np.moveaxis(points[:, np.newaxis] - middle - move, -1, 0) / reach
             (c, s), size = ahead.T, np.broadcast_to(length, x.shape)
-            total = total + kernel.mean_along(x * c + y * s, y * c - x * s, size)
-    return kernel.height(reach) * total
+            total = total + coarse.mean_along(x * c + y * s, y * c - x * s, size)
+    return coarse.kernel_height(reach) * total
 
 
 def places(kind, sides):
@@ -116,7 +116,7 @@ def test_every_pair_counts(reach, kind, sides):
     middle = (sides or Lattice()).wrapped(start + 0.5 * branch)
     expected = of_all_pairs(points, middle, 0.5 * branch, reach, sides)
     assert expected.any()
-    assert found == pytest.approx(expected, abs=1e-11 * kernel.height(reach))
+    assert found == pytest.approx(expected, abs=1e-11 * coarse.kernel_height(reach))
 
 
 def of_both(points, sides, reach=1.7):

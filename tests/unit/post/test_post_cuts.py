@@ -23,9 +23,8 @@ from shaped_frames import (
 from multicor_cli import post
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import Polygon, Rectangle
-from multicor_cli.post import cuts
-from multicor_cli.post.cuts import area_below, cut_of, reach_of, turned
-from multicor_cli.post.rings import rings_of
+from multicor_cli.post import rings
+from multicor_cli.post.rings import area_below, cut_of, reach_of, rings_of, turned
 from multicor_cli.post.source import turned as turned_run
 from multicor_cli.post.sums import plane_width
 
@@ -65,7 +64,7 @@ def test_many_lines_are_looked_at_in_parts(monkeypatch):
     cut, grain = turned(model, np.arange(9.0)), random.integers(0, 9, 500)
     height = random.uniform(-2.0, 2.0, 500)
     whole = cut.below(grain, height)
-    monkeypatch.setattr(cuts, "_AT_ONCE", 100)
+    monkeypatch.setattr(rings, "_AT_ONCE", 100)
     assert cut.below(grain, height).tolist() == whole.tolist()
 
 

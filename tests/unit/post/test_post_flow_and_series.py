@@ -25,7 +25,7 @@ def falling(x, y, numbers=None, period=4.0):
     for k, at in enumerate(position):
         frame = SimpleNamespace(position=at, unwrapped=at, velocity=np.full((n, 3), 2.0))
         if numbers is not None:
-            frame.number = np.array(numbers[k])
+            frame.number, frame.is_open = np.array(numbers[k]), True
             frame.model = model.with_grains(frame.number)
             frame.position = frame.unwrapped = at[frame.number]
             frame.velocity = frame.velocity[frame.number]

@@ -10,7 +10,7 @@ from made_up_frames import contacts_of
 
 from multicor_cli.post import PostError, Selection, fields, grain_map, heat_network
 from multicor_cli.post.contacts import heat_flows
-from multicor_cli.post.heat_network import HEAT_SUMMARY
+from multicor_cli.post.heat import HEAT_SUMMARY
 
 ALL = Selection(start=0.0)
 FLOW = 20.0 / (2.0 / 0.5 + 5.0 / 0.3)

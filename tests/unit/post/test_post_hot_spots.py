@@ -11,7 +11,7 @@ from scenarios import plane, rows_of, scenario
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, hot_spots
-from multicor_cli.post.hot_spots import SPOT_QUANTITIES
+from multicor_cli.post.heat import SPOT_QUANTITIES
 from multicor_cli.post.spots import hertz_radius
 
 ALL = Selection(start=0.0)

@@ -9,9 +9,8 @@ from made_up_frames import contacts_of
 from scene_parts import between_planes
 
 from multicor_cli.post import PostError, Selection, layer_conductivity, layer_flow
-from multicor_cli.post.conductivity import Network
+from multicor_cli.post.conductivity import WAYS, Network
 from multicor_cli.post.layer_conductivity import FLOW_QUANTITIES, LAYER_QUANTITIES
-from multicor_cli.post.mean_heat import WAYS
 
 ALL = Selection(start=0.0)
 

@@ -12,7 +12,7 @@ from made_up_frames import frame_of, source_of
 from multicor_cli import post
 from multicor_cli.model.books import GRADIENT_BOOKS
 from multicor_cli.post import Selection
-from multicor_cli.post.mean_heat import FLUX_QUANTITIES
+from multicor_cli.post.conductivity import FLUX_QUANTITIES
 
 ALL = Selection(start=0.0)
 WIDTH, HEIGHT, RATE = 8.0, 5.0, 0.4

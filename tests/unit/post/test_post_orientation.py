@@ -11,8 +11,8 @@ from scene_parts import make_model
 from shaped_frames import box, disc, points_of, regular, rod, shaped_frame, shaped_model
 
 from multicor_cli import post
-from multicor_cli.post.orientation import axes_of, degrees_of
 from multicor_cli.post.profile import profiles
+from multicor_cli.post.rings import axes_of, degrees_of
 
 ALL = post.Selection(start=0.0)
 EL = [box(1.0, 0.3), box(0.3, 1.0, at=(0.35, 0.35))]  # an L, which share a corner

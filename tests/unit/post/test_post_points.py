@@ -20,8 +20,8 @@ from multicor_cli.post.contacts import (
     own_stress,
 )
 from multicor_cli.post.lattice import Lattice
-from multicor_cli.post.orientation import KINDS, kinds_of
 from multicor_cli.post.source import turned
+from multicor_cli.post.spots import KINDS, kinds_of
 from multicor_cli.post.wall_heat import _wetted
 
 ALL = post.Selection(start=0.0)

@@ -1,4 +1,4 @@
-"""How hot the spots of sliding contacts are: temperatures of bodies plus flash of friction."""
+"""Heat of contacts: what flows through those of a frame, and how hot sliding ones get."""
 
 from __future__ import annotations
 
@@ -9,21 +9,134 @@ import numpy as np
 from multicor_cli.model import Model
 from multicor_cli.model.flash import flash_rise, spot_peclet, spot_temperature
 from multicor_cli.model.model import Floats
-from multicor_cli.post.contacts import loaded_contacts, shape_temperatures, with_forces
+from multicor_cli.post.contacts import (
+    HeatFlows,
+    heat_flows,
+    loaded_contacts,
+    shape_temperatures,
+    with_conduction,
+    with_forces,
+)
+from multicor_cli.post.forces import lines_of
+from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.source import (
     Frame,
     PostError,
     Run,
     Selection,
+    chosen_frames,
+    frame_index,
     frames_of,
-    frames_told,
-    model_of,
+    left_out,
     need_grains,
     need_heat,
     properties,
 )
 from multicor_cli.post.spots import spots_of
-from multicor_cli.post.table import Quantity, TimeTable
+from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_of_quantities
+
+# ---- The network of the heat that contacts conduct in one frame
+
+_STRONGEST = 0.1  # part of the contacts whose share of the flow is told
+
+_OF_NETWORK = {
+    "contacts": "contacts that conduct",
+    "wall_contacts": "  of these with walls",
+    "coordination": "conducting contacts per grain",
+    "idle_share": "share of grains without any",
+    "flow_mean": "mean heat flow of a contact, without sign [W]",
+    "flow_max": "largest heat flow of a contact [W]",
+    "strongest_share": "share of the strongest 10 % in the sum of flows",
+    "from_walls": "heat flow from walls into grains, net of each [W]",
+    "to_walls": "heat flow from grains into walls, net of each [W]",
+}
+HEAT_SUMMARY = tuple(_OF_NETWORK)
+"""Names of the numbers of a whole network."""
+
+
+class HeatNetwork(Table):
+    """The contacts of a frame that conduct heat; ``c`` of them.
+
+    The flow of a contact is H (T_j − T_i), with the conductances H of the last step and the
+    temperatures of the frame; see `multicor_cli.post.contacts.heat_flows`.
+
+    Attributes:
+        scene: Where the grains and walls are.
+        i: First grain, shape ``(c,)``.
+        j: Second grain, or wall shape (not below the number of grains), shape ``(c,)``.
+        start: Center of the grain i [m], shape ``(c, 2)``.
+        end: Center of grain j, free or glued, or where i touches a smooth wall [m], ``(c, 2)``.
+        touch: Where i touches j [m], shape ``(c, 2)``.
+        flow: Heat flow into i [W], shape ``(c,)``.
+        conductance: H [W/K], shape ``(c,)``.
+        is_wall: Whether a contact is one of a grain with a wall, shape ``(c,)``.
+        temperature: Of the grains [K], shape ``(n,)``.
+        frame: Index of the frame.
+        time: Time of the frame [s].
+        left_out: What else conducts in the run, and is not counted; empty if nothing does.
+        summary: The numbers of `HEAT_SUMMARY`, by name; nan where there is no contact. Flows from
+            walls are sums over the walls that give heat to the grains, flows to walls over those
+            that take some.
+    """
+
+
+def heat_network(source: Run, frame: int = -1) -> HeatNetwork:
+    """The network of the heat that contacts conduct in one frame.
+
+    Args:
+        source: The run, with heat.
+        frame: Index of the frame; negative counts from the last one.
+
+    Raises:
+        PostError: If there is no such frame, or no grain in it, its contacts are not known, or the
+            run has no heat.
+        StoreError: If the run cannot be read.
+    """
+    index = frame_index(source.frames, frame)
+    need_grains(source, np.array([index]))
+    with_conduction(source, np.array([index]))
+    chosen = source.frames[index]
+    model, scene = chosen.model, make_scene(source, chosen)
+    flows = heat_flows(chosen, model)
+    contacts = flows.contacts
+    columns, parts = lines_of(contacts, scene)
+    columns += [Column("conductance", "W/K", flows.conductance), Column("flow", "W", flows.flow)]
+    summary = _network_numbers(flows, model)
+    parts |= {"temperature": need_heat(chosen.temperature), "summary": summary}
+    facts = {
+        "frame": index, "time": float(np.asarray(source.frames.time)[index]),
+        "left_out": left_out(source), **summary,
+    }  # fmt: skip
+    lines = [(_OF_NETWORK[name], value) for name, value in summary.items()]
+    return HeatNetwork(values_of_quantities(lines), facts, columns, **parts)
+
+
+def _network_numbers(flows: HeatFlows, model: Model) -> dict[str, float]:
+    contacts, size = flows.contacts, np.sort(np.abs(flows.flow))[::-1]
+    count, n, with_walls = size.size, model.grain_count, int(contacts.is_wall.sum())
+    total = float(size.sum())
+    # a tenth of them, of the last only the part that is left of it
+    strongest = float(
+        np.interp(_STRONGEST * count, np.arange(count + 1), np.append(0.0, np.cumsum(size)))
+    )
+    of_shape = np.bincount(
+        contacts.j[contacts.is_wall] - n, flows.flow[contacts.is_wall], model.shape_count
+    )
+    of_wall = np.bincount(model.shapes.wall, of_shape, model.wall_count)
+    return {
+        "contacts": count,
+        "wall_contacts": with_walls,
+        "coordination": (2 * count - with_walls) / n,
+        "idle_share": float(np.count_nonzero(contacts.counts == 0)) / n,
+        "flow_mean": total / count if count else np.nan,
+        "flow_max": float(size[0]) if count else np.nan,
+        "strongest_share": strongest / total if total > 0.0 else np.nan,
+        "from_walls": float(np.maximum(of_wall, 0.0).sum()),
+        "to_walls": float(np.maximum(-of_wall, 0.0).sum()),
+    }
+
+
+# ---- Spots of sliding contacts: temperatures of bodies plus flash of friction
 
 SPOT_QUANTITIES = (
     Quantity("sliding", "share of the loaded contacts that slide"),
@@ -60,7 +173,6 @@ class HotSpots(TimeTable):
     temperature takes no heat, and has no part in it.
 
     Attributes:
-        time: Times of the frames [s], shape ``(f,)``.
         values: Each of `SPOT_QUANTITIES` over time by name, over the contacts that slide; nan where
             none does, shape ``(f,)``.
         limit: Temperature above which ``above`` counts [K]; nan without one.
@@ -71,8 +183,6 @@ class HotSpots(TimeTable):
             spaced [K], shape ``(b + 1,)``.
         rise_density, spot_density: Probability densities in these bins over all contacts that slide
             in all frames [1/K], shape ``(b,)``.
-        frames: Indices of the frames.
-        times: Times of the first and last frame [s].
     """
 
     KEYS = (
@@ -100,7 +210,7 @@ def hot_spots(
     """
     if source.model.thermal is None:
         need_heat(None)
-    chosen = (selection or Selection()).indices(source.frames)
+    chosen = chosen_frames(source, selection)
     need_grains(source, chosen)
     chosen = with_forces(source, chosen)
     if limit is not None and np.isnan(limit):
@@ -109,7 +219,7 @@ def hot_spots(
     if limit is None and np.isfinite(limits).any():
         limit = float(np.nanmin(limits))
     materials = _Materials.of(source)
-    spots = [_spots(model_of(source, f), f, materials) for f in frames_of(source, chosen)]
+    spots = [_spots(f.model, f, materials) for f in frames_of(source, chosen)]
     rise, hot = (np.concatenate([getattr(one, of) for one in spots]) for of in ("rise", "hot"))
     sharp = sum(one.sharp for one in spots)
     if not rise.size and sharp:
@@ -120,22 +230,19 @@ def hot_spots(
         )
     if not rise.size:
         raise PostError("no contact slides in these frames: choose others")
-    rows = [_numbers(one, limit) for one in spots]
+    rows = [_spot_numbers(one, limit) for one in spots]
     shown = [q for q in SPOT_QUANTITIES if limit is not None or q.name != "above"]
-    quantities = [q.over_time(np.array([row[q.name] for row in rows])) for q in shown]
+    values = {q.name: np.array([row[q.name] for row in rows]) for q in shown}
     top, low, high = float(rise.max()), float(hot.min()), float(hot.max())
     edges = np.geomspace(10.0**-_DECADES * top, top, _BINS + 1)
     room = 0.5 * max(_NARROWEST * high - (high - low), 0.0)
     even = np.linspace(low - room, high + room, _BINS + 1)
-    facts = {
-        "limit": np.nan if limit is None else limit, "contacts": rise.size,
-        "sharp": sharp,
-        **frames_told(source, chosen),
-        "rise_edges": edges, "rise_density": _density(rise, edges),
-        "spot_edges": even, "spot_density": _density(hot, even),
-    }  # fmt: skip
-    times = np.asarray(source.frames.time, np.float64)[chosen]
-    return HotSpots(times, quantities, facts, frames=chosen)
+    return HotSpots.of_frames(
+        source, chosen, shown, values,
+        limit=np.nan if limit is None else limit, contacts=rise.size, sharp=sharp,
+        rise_edges=edges, rise_density=_density(rise, edges),
+        spot_edges=even, spot_density=_density(hot, even),
+    )  # fmt: skip
 
 
 class _Materials(NamedTuple):
@@ -209,7 +316,7 @@ def _spots(model: Model, frame: Frame, materials: _Materials) -> _Spots:
     return _Spots(rise, hot, radius, peclet, share, sharp)
 
 
-def _numbers(spots: _Spots, limit: float | None) -> dict[str, float]:
+def _spot_numbers(spots: _Spots, limit: float | None) -> dict[str, float]:
     """`SPOT_QUANTITIES` of a frame; nan where nothing slides."""
     if not spots.rise.size:
         return dict.fromkeys((q.name for q in SPOT_QUANTITIES), np.nan) | {"sliding": spots.share}
