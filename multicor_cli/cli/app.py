@@ -17,7 +17,6 @@ from multicor_cli.cli import (
     bench_command,
     post_commands,
     reading_commands,
-    run_command,
     scenario_commands,
     study_commands,
 )
@@ -87,15 +86,7 @@ def _add(commands: Mapping[str, Any], to: typer.Typer) -> None:
         to.command(name, cls=ListingCommand)(command)
 
 
-_add(
-    {
-        **scenario_commands.COMMANDS,
-        "run": run_command.run,
-        **reading_commands.COMMANDS,
-        "bench": bench_command.bench,
-    },
-    app,
-)
+_add(scenario_commands.COMMANDS | reading_commands.COMMANDS | {"bench": bench_command.bench}, app)
 for name, group, commands in (
     ("study", study_commands.group, study_commands.COMMANDS),
     ("post", post_commands.group, post_commands.COMMANDS),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -13,31 +13,21 @@ from multicor_cli.cli.options import RunPath, option
 from multicor_cli.cli.post_output import (
     Between,
     Bins,
+    Chosen,
+    ChosenOfAll,
     End,
-    Frames,
     Margin,
     SeriesStart,
     Shown,
-    Start,
-    selected,
+    span_of_frames,
 )
-from multicor_cli.cli.post_output import span_of as _span
 from multicor_cli.text import count_noun, unit_sign, with_error
-
-if TYPE_CHECKING:
-    from multicor_cli.post.source import Selection
-
 
 # ---- Command `post diffusion`: how far grains stray from the mean flow
 
 
 def diffusion(
-    directory: RunPath,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-    margin: Margin = None,
-    between: Between = None,
+    directory: RunPath, *, selection: Chosen, margin: Margin = None, between: Between = None
 ) -> Shown:
     """Mean square displacements beside the mean flow against the time lag, in a cell or in the bulk
     of a layer, and the self-diffusion.
@@ -48,10 +38,9 @@ def diffusion(
     from multicor_cli import post
     from multicor_cli.post.conductivity import FORGOTTEN
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.diffusion(run, selection, margin=margin, between=between)
-    about = _span(table.frames.size, "frame", table.times)
+    about = span_of_frames(table)
     sheared = table.shear_rate * table.diameter**2
     units = {"m²/s": 1.0, "γ̇d²": sheared} if sheared > 0.0 else {"m²/s": 1.0}
     for axis, value, error in zip("xy", table.diffusion, table.diffusion_error, strict=True):
@@ -65,7 +54,7 @@ def diffusion(
             f"\ncounted from a strain of {strain:.2g}, not of {FORGOTTEN:g}, in which grains "
             "forget how they moved: choose more frames"
         )
-    return Shown(table, about, directory, is_detailed=False)
+    return Shown(table, about, is_detailed=False)
 
 
 # ---- Command `post structure`: how the grains are arranged
@@ -92,9 +81,8 @@ def structure(
     directory: RunPath,
     has_factor: HasFactor = False,
     is_of_cells: OfCells = False,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
     reach: Farthest = None,
     bins: EvenBins = None,
     margin: SideMargin = None,
@@ -115,25 +103,25 @@ def structure(
         raise typer.BadParameter("--factor excludes --margin: all grains of the cell count")
     from multicor_cli import post
 
-    selection, drawn = selected(start, end, frames), None
+    drawn = None
     with store.open_run(directory) as run:
         if is_of_cells:
             cells = post.voronoi(run, selection, bins, margin=margin)
             about = _counted(cells)
             if cells.open_share:
                 about += f"; {100.0 * cells.open_share:.3g} % of all have open cells"
-            return Shown(cells, about, directory)
+            return Shown(cells, about)
         if not has_factor:
             pairs = post.pair_correlation(run, selection, reach, bins, margin=margin)
             peak = f"largest g = {pairs.first_peak:.4g}"
             if math.isfinite(pairs.first_peak_error):
                 peak += f" ± {pairs.first_peak_error:.2g}"
             peak += f" at r = {pairs.first_peak_distance:.4g} d"
-            return Shown(pairs, _about_grains(pairs, peak), directory, is_detailed=False)
+            return Shown(pairs, _about_grains(pairs, peak), is_detailed=False)
         factor = post.structure_factor(run, selection, bins)
         if context.params["plot"] is not None:
             drawn = post.pair_correlation(run, selection, reach).with_(factor=factor)
-    return Shown(factor, _about_grains(factor), directory, is_detailed=False, figure=drawn)
+    return Shown(factor, _about_grains(factor), is_detailed=False, figure=drawn)
 
 
 def _about_grains(table: Any, more: str = "") -> str:
@@ -141,7 +129,7 @@ def _about_grains(table: Any, more: str = "") -> str:
 
 
 def _counted(table: Any) -> str:
-    span = _span(table.frames.size, "frame", table.times)
+    span = span_of_frames(table)
     return (
         f"{span}, {table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
     )
@@ -155,9 +143,8 @@ WideBins = Annotated[int | None, option("--bins", _WIDE, "5 per mean diameter", 
 
 def correlation(
     directory: RunPath,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
     reach: Farthest = None,
     bins: WideBins = None,
     margin: SideMargin = None,
@@ -171,7 +158,7 @@ def correlation(
     from multicor_cli import post
 
     with store.open_run(directory) as run:
-        found = post.correlation(run, selected(start, end, frames), reach, bins, margin=margin)
+        found = post.correlation(run, selection, reach, bins, margin=margin)
     lengths = [
         f"{with_error(getattr(found, name), getattr(found, f'error_{name}'))} d{of}"
         for name, of in zip(
@@ -181,7 +168,7 @@ def correlation(
     ]
     told = f"correlation length {', '.join(lengths)}" if lengths else "C stays above 1/e"
     about = f"velocities beside the mean flow {found.fluctuation:.4g} m/s; {told}"
-    return Shown(found, _about_grains(found, about), directory, is_detailed=False)
+    return Shown(found, _about_grains(found, about), is_detailed=False)
 
 
 # ---- Commands `post mixing`, `post residence`, `post avalanches`: groups, stays, sudden drops
@@ -200,13 +187,6 @@ _TIMES = "Number of times of the profiles: frames are averaged in as many parts.
 Times = Annotated[int | None, option("--times N", _TIMES, "one per four frames, at most 40", min=1)]
 
 
-def chosen_of_all(start: float | None, end: float | None, frames: str | None) -> Selection:
-    """The frames that the options choose; all without them."""
-    if start is None and end is None and frames is None:
-        frames = ":"
-    return selected(start, end, frames)
-
-
 def mixing(
     directory: RunPath,
     cell: CellGrains = None,
@@ -215,9 +195,8 @@ def mixing(
     times: Times = None,
     bins: Bins = None,
     between: Between = None,
-    start: SeriesStart = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: ChosenOfAll,
 ) -> Shown:
     """Measure over time how well groups of grains are mixed: Lacey's index, 0 where they are apart
     and 1 where chance places them; and how far their mean heights are apart. With --profile where
@@ -227,7 +206,6 @@ def mixing(
     """
     from multicor_cli import post
 
-    chosen = chosen_of_all(start, end, frames)
     if over_height is None:
         given = {"--times": times, "--bins": bins, "--between": between}
         for name, value in given.items():
@@ -239,21 +217,19 @@ def mixing(
         if over_height is not None:
             of: Any = over_height
             found = post.segregation(
-                run, chosen, of, groups=groups or (), bins=bins, between=between, times=times
+                run, selection, of, groups=groups or (), bins=bins, between=between, times=times
             )
             told = f"{found.time.size} times, {found.y.size} bins of {found.bin_width:.4g} m"
-            about = f"{_span(found.frames.size, 'frame', found.times)}, in {told}"
-            return Shown(found, about, directory)
+            about = f"{span_of_frames(found)}, in {told}"
+            return Shown(found, about)
         size = {} if cell is None else {"cell": cell}
-        table = post.mixing(run, chosen, groups=groups or (), **size)
-    about = _span(table.frames.size, "frame", table.times)
+        table = post.mixing(run, selection, groups=groups or (), **size)
+    about = span_of_frames(table)
     about += f", {table.cells:.4g} cells of {table.cell_grains:.3g} grains; by chance M is 1 ± "
-    return Shown(table, f"{about}{table.random_scatter:.2g} in a frame", directory)
+    return Shown(table, f"{about}{table.random_scatter:.2g} in a frame")
 
 
-def residence(
-    directory: RunPath, start: SeriesStart = None, end: End = None, frames: Frames = None
-) -> Shown:
+def residence(directory: RunPath, *, selection: ChosenOfAll) -> Shown:
     """Measure how long grains stay between where they are released and an outlet: means with
     errors and medians of all and of each group; the survival as JSON and figure, stays as CSV.
 
@@ -263,12 +239,12 @@ def residence(
     from multicor_cli import post
 
     with store.open_run(directory) as run:
-        table = post.residence(run, chosen_of_all(start, end, frames))
-    about = f"{_span(table.frames.size, 'frame', table.times)}; not counted: "
+        table = post.residence(run, selection)
+    about = f"{span_of_frames(table)}; not counted: "
     about += f"{count_noun(table.first, 'grain')} of the first frame"
     if table.lost:
         about += f"; {count_noun(table.lost, 'stay')} ended beside the outlets"
-    return Shown(table, about, directory)
+    return Shown(table, about)
 
 
 _COLUMN = "The column, as kinetic or 'top: force_x'."
@@ -296,19 +272,14 @@ def avalanches(
         table = post.avalanches(run, of, start, end, threshold=threshold)
     about = f"{table.of} from t = {table.times[0]:g} s to {table.times[1]:g} s, drops of at least "
     about += f"{table.threshold:.4g} {unit_sign(table.unit)}"
-    return Shown(table, "\n".join(filter(None, (about, table.note))), directory)
+    return Shown(table, "\n".join(filter(None, (about, table.note))))
 
 
 # ---- Commands `post fabric`, `lifetimes`, `chains`, `clusters`: the texture of a packing
 
 
 def fabric(
-    directory: RunPath,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-    margin: Margin = None,
-    between: Between = None,
+    directory: RunPath, *, selection: Chosen, margin: Margin = None, between: Between = None
 ) -> Shown:
     """Measure the fabric of the contacts between grains and of their strong and weak networks:
     means with errors; over time as CSV, JSON and figure.
@@ -320,27 +291,21 @@ def fabric(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.fabric(run, selection, margin=margin, between=between)
     about = _about_bulk(table)
     if "edge_edge" in table.values and "nematic_order" not in table.values:
         about += "; no grain has a long axis, so there is no nematic order"
-    return Shown(table, about, directory)
+    return Shown(table, about)
 
 
 def _about_bulk(table: Any) -> str:
-    about = _span(table.frames.size, "frame", table.times)
+    about = span_of_frames(table)
     return f"{about}; the bulk begins {table.margin:g} m from each wall" if table.margin else about
 
 
 def lifetimes(
-    directory: RunPath,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-    margin: Margin = None,
-    between: Between = None,
+    directory: RunPath, *, selection: Chosen, margin: Margin = None, between: Between = None
 ) -> Shown:
     """Measure how long contacts live: the share of them that are still there after a time lag, and
     mean lifetimes, of all, of strong and of sliding contacts.
@@ -350,7 +315,6 @@ def lifetimes(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.lifetimes(run, selection, margin=margin, between=between)
     about = _about_bulk(table)
@@ -363,7 +327,7 @@ def lifetimes(
         about += f"{with_error(value, error)} s"
         if table.shear_rate > 0.0:
             about += f", {value * table.shear_rate:.3g} in strain"
-    return Shown(table, about, directory, is_detailed=False)
+    return Shown(table, about, is_detailed=False)
 
 
 _CHAIN_ANGLE = "Largest angle (in °) between a link and the major principal stress of its grains."
@@ -381,9 +345,8 @@ def chains(
     angle: ChainAngle = 45.0,
     has_lengths: HasLengths = False,
     frame: ChainFrame = None,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
 ) -> Shown:
     """Find force chains: how many there are, how long, in which direction; means with errors; over
     time as CSV, JSON and figure.
@@ -395,27 +358,24 @@ def chains(
 
     if has_lengths and frame is not None:
         raise typer.BadParameter("--lengths and --frame exclude each other")
-    selection = selected(start, end, frames)
     if frame is not None and selection != post.Selection():
         raise typer.BadParameter("--frame is about one frame: leave out --frames, --from and --to")
     with store.open_run(directory) as run:
         if frame is not None:
             shown = post.chain_map(run, frame, angle=angle)
             about = f"force chains in frame {shown.frame} at t = {shown.time:g} s"
-            return Shown(shown, about, directory)
+            return Shown(shown, about)
         if has_lengths:
             lengths = post.chain_lengths(run, selection, angle=angle)
-            about = _span(lengths.frames.size, "frame", lengths.times)
+            about = span_of_frames(lengths)
             decay = with_error(lengths.decay_length, lengths.decay_length_error)
-            return Shown(lengths, f"{about}; decay length of P: {decay} grains", directory,
-                is_detailed=False)  # fmt: skip
+            about += f"; decay length of P: {decay} grains"
+            return Shown(lengths, about, is_detailed=False)
         table = post.chains(run, selection, angle=angle)
-    return Shown(table, _span(table.frames.size, "frame", table.times), directory)
+    return Shown(table, span_of_frames(table))
 
 
-def clusters(
-    directory: RunPath, start: Start = None, end: End = None, frames: Frames = None
-) -> Shown:
+def clusters(directory: RunPath, *, selection: Chosen) -> Shown:
     """Find clusters of sliding contacts, which have grains in common: how many, how large; means
     with errors; over time as CSV, JSON and figure.
 
@@ -424,5 +384,5 @@ def clusters(
     from multicor_cli import post
 
     with store.open_run(directory) as run:
-        table = post.clusters(run, selected(start, end, frames))
-    return Shown(table, _span(table.frames.size, "frame", table.times), directory)
+        table = post.clusters(run, selection)
+    return Shown(table, span_of_frames(table))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,15 +11,12 @@ from multicor_cli import store
 from multicor_cli.cli.options import RunPath, option
 from multicor_cli.cli.post_output import (
     Between,
-    End,
-    Frames,
+    Chosen,
     Margin,
     OneFrame,
     Shown,
-    Start,
-    selected,
+    span_of_frames,
 )
-from multicor_cli.cli.post_output import span_of as _span
 
 if TYPE_CHECKING:
     from multicor_cli.post.source import Run, Selection
@@ -35,9 +31,8 @@ OfNetwork = Annotated[bool, option("--network", _NETWORK)]
 def conductivity(
     directory: RunPath,
     is_of_network: OfNetwork = False,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
     margin: Margin = None,
     between: Between = None,
 ) -> Shown:
@@ -53,36 +48,35 @@ def conductivity(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         if run.model.is_cell:
             if margin is not None or between is not None:
                 raise post.PostError("a cell has no walls: leave out --margin and --between")
-            return _of_cell(run, selection, directory, is_of_network=is_of_network)
+            return _of_cell(run, selection, is_of_network=is_of_network)
         if not is_of_network:
             if margin is not None:
                 raise typer.BadParameter("--margin needs --network", param_hint="--margin")
             through = post.layer_flow(run, selection, between=between)
-            about = _span(through.frames.size, "frame", through.times)
-            return Shown(through, f"{about}, {_about_layer(through)}", directory)
+            about = span_of_frames(through)
+            return Shown(through, f"{about}, {_about_layer(through)}")
         layer = post.layer_conductivity(run, selection, between=between, margin=margin)
-    about = f"{_span(layer.frames.size, 'frame', layer.times)}, {_about_layer(layer)}; "
+    about = f"{span_of_frames(layer)}, {_about_layer(layer)}; "
     about += f"the bulk begins {layer.margin:.4g} m from each wall"
-    return Shown(layer, about + _not_counted(layer), directory)
+    return Shown(layer, about + _not_counted(layer))
 
 
-def _of_cell(run: Run, selection: Selection, directory: Path, *, is_of_network: bool) -> Shown:
+def _of_cell(run: Run, selection: Selection, *, is_of_network: bool) -> Shown:
     from multicor_cli import post
 
     if any(run.model.heat_gradient) and not is_of_network:
         flux = post.mean_heat(run, selection)
         along = ", ".join(f"{value:g}" for value in flux.gradient)
-        about = _span(flux.frames.size, "frame", flux.times)
-        return Shown(flux, f"{about}, under a gradient of ({along}) K/m", directory)
+        about = span_of_frames(flux)
+        return Shown(flux, f"{about}, under a gradient of ({along}) K/m")
     table = post.conductivity(run, selection)
-    about = _span(table.frames.size, "frame", table.times)
+    about = span_of_frames(table)
     about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
-    return Shown(table, about + _not_counted(table), directory)
+    return Shown(table, about + _not_counted(table))
 
 
 def _about_layer(table: Any) -> str:
@@ -106,7 +100,7 @@ def heat_network(directory: RunPath, frame: OneFrame = -1) -> Shown:
     with store.open_run(directory) as run:
         table = post.heat_network(run, frame)
     about = f"heat flow through contacts in frame {table.frame} at t = {table.time:g} s"
-    return Shown(table, about + _not_counted(table), directory)
+    return Shown(table, about + _not_counted(table))
 
 
 def _not_counted(table: Any) -> str:
@@ -135,9 +129,8 @@ def wall_heat(
     near: NearWall = None,
     length: WettedLength = None,
     is_of_gas: OfGas = False,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
 ) -> Shown:
     """Measure the heat transfer between walls and the bed: coefficient h and Nusselt number, means
     with errors; over time as CSV, JSON and figure.
@@ -148,13 +141,12 @@ def wall_heat(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.wall_heat(
             run, selection, walls or (), near=near, length=length,
             over="gas" if is_of_gas else "solid",
         )  # fmt: skip
-    about = f"{_span(table.frames.size, 'frame', table.times)}, {table.thickness:.4g} m thick"
+    about = f"{span_of_frames(table)}, {table.thickness:.4g} m thick"
     k = f"k = {table.conductivity:g} W/(m K) of the {table.over}"
     if not math.isfinite(table.conductivity):
         k = f"no Nusselt number: the {table.over} has no conductivity, or several"
@@ -165,7 +157,7 @@ def wall_heat(
     if table.left_out:
         left_out = ", ".join(table.left_out)
         remarks.append(f"left out, without a temperature in some of these frames: {left_out}")
-    return Shown(table, "\n".join((f"{about}; {k}", *remarks)), directory)
+    return Shown(table, "\n".join((f"{about}; {k}", *remarks)))
 
 
 # ---- Command `post hot-spots`: the spots of sliding contacts
@@ -174,13 +166,7 @@ _LIMIT = "Count the spots that are hotter (in K)."
 Limit = Annotated[float | None, option("--limit T", _LIMIT, "the lowest ignition or melting")]
 
 
-def hot_spots(
-    directory: RunPath,
-    limit: Limit = None,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-) -> Shown:
+def hot_spots(directory: RunPath, limit: Limit = None, *, selection: Chosen) -> Shown:
     """Measure how hot the spots of sliding contacts are: quantiles with errors; over time as CSV,
     both and the distributions as JSON, the distributions as figure.
 
@@ -190,11 +176,10 @@ def hot_spots(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.hot_spots(run, selection, limit)
-    about = f"{table.contacts} sliding contacts in {_span(table.frames.size, 'frame', table.times)}"
+    about = f"{table.contacts} sliding contacts in {span_of_frames(table)}"
     about += f", limit {table.limit:g} K" if math.isfinite(table.limit) else ""
     if table.sharp:
         about += f"; {table.sharp} more slide on sharp corners, which have no radius"
-    return Shown(table, about, directory)
+    return Shown(table, about)

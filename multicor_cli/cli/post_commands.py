@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,18 +30,18 @@ from multicor_cli.cli.options import RunPath, listed, option, output_option
 from multicor_cli.cli.post_output import (
     Between,
     Bins,
+    Chosen,
     End,
     Frames,
     Margin,
     OneFrame,
     SeriesStart,
     Shown,
-    Start,
     parse_frames,
-    selected,
     shows_table,
+    span_of,
+    span_of_frames,
 )
-from multicor_cli.cli.post_output import span_of as _span
 from multicor_cli.text import count_noun, with_error
 
 if TYPE_CHECKING:
@@ -105,9 +105,8 @@ def profile(
     of: ProfileOf = "velocity",
     is_normalized: Normalized = False,
     is_normalised: BritishNormalized = False,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
     bins: Bins = None,
     bin_width: BinWidth = None,
     exclude_walls: ExcludeWalls = None,
@@ -127,7 +126,6 @@ def profile(
         raise typer.BadParameter("--bins and --bin-width exclude each other")
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         found = post.profiles(
             run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls,
@@ -136,12 +134,12 @@ def profile(
     if is_normalized or is_normalised:
         found = found.normalized()
     table = found.first
-    about = f"{_span(table.frames.size, 'frame', table.times)}, height {table.height:g} m"
+    about = f"{span_of_frames(table)}, height {table.height:g} m"
     about += f", grains{table.about_groups}" if table.groups else ""
     notes = {table.field.name: table.note for table in found.tables if table.note}
     told = [note if len(found.tables) == 1 else f"{name}: {note}" for name, note in notes.items()]
     lines = "\n".join(filter(None, (about, table.about_walls, *told)))
-    return Shown(found, lines, directory, is_detailed=False)
+    return Shown(found, lines, is_detailed=False)
 
 
 def theta_eta(
@@ -180,7 +178,7 @@ def theta_eta(
     about += f", wall '{table.wall}' at {table.wall_temperature:g} K, T0 = {table.reference:g} K"
     about += f", H = {table.height:g} m"
     content = {"has_grains": has_grains}
-    return Shown(table, about, directory, is_detailed=has_grains, content=content)
+    return Shown(table, about, is_detailed=has_grains, content=content)
 
 
 def map_grains(
@@ -209,7 +207,7 @@ def map_grains(
         raise typer.BadParameter("a logarithmic scale begins above 0", param_hint="--scale")
     about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
     drawing = {"has_streamlines": has_streamlines, "ends": ends}
-    return Shown(table, about, directory, drawing=drawing)
+    return Shown(table, about, drawing=drawing)
 
 
 def parse_ends(text: str, option: str) -> tuple[float, float]:
@@ -273,14 +271,14 @@ def forces(
         with store.open_run(directory) as run:
             network = post.force_network(run, frame)
         about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
-        return Shown(network, about, directory, drawing={"unit": unit})
+        return Shown(network, about, drawing={"unit": unit})
     wanted = parse_frames(frames)
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
         selection = post.Selection(frames=slice(index, index + 1) if wanted is None else wanted)
         measure: Any = post.force_distribution if has_distribution else post.angular_distribution
         table = (post.mobilization if has_mobilization else measure)(run, selection)
-    span = _span(table.frames.size, "frame", table.times)
+    span = span_of_frames(table)
     about = f"{table.contacts} contacts between grains in {span}"
     if has_mobilization:
         mean = with_error(table.mean, table.mean_error)
@@ -292,16 +290,11 @@ def forces(
             for name, scatter in table.moments_scatter.items():
                 moments[name] += f" (± {scatter:.2g} between frames)"
         about += "; " + ", ".join(moments.values())
-    return Shown(table, about, directory, is_detailed=False)
+    return Shown(table, about, is_detailed=False)
 
 
 def rheology(
-    directory: RunPath,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-    margin: Margin = None,
-    between: Between = None,
+    directory: RunPath, *, selection: Chosen, margin: Margin = None, between: Between = None
 ) -> Shown:
     """Measure the rheology of a layer between two walls that shear it, or of a cell without walls:
     averages with errors; over time as CSV, JSON and figure.
@@ -313,16 +306,15 @@ def rheology(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.rheology(run, selection, margin=margin, between=between)
-    about = _span(table.frames.size, "frame", table.times)
+    about = span_of_frames(table)
     if isinstance(table, post.CellRheology):
         about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
     else:
         about += f", between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; "
         about += f"the bulk begins {table.margin:g} m from each"
-    return Shown(table, about, directory)
+    return Shown(table, about)
 
 
 # ---- Command `post region`: what is inside a part of the plane
@@ -335,9 +327,7 @@ _PLACE = (
 Place = Annotated[str, option("--in REGION", _PLACE, False)]
 
 
-def region(
-    directory: RunPath, place: Place, start: Start = None, end: End = None, frames: Frames = None
-) -> Shown:
+def region(directory: RunPath, place: Place, *, selection: Chosen) -> Shown:
     """Measure what is inside a region: solid fraction, coordination number, velocity, temperature,
     contact stress and kinetic stress.
 
@@ -349,8 +339,8 @@ def region(
     from multicor_cli import post
 
     with store.open_run(directory) as run:
-        table = post.in_region(run, area, selected(start, end, frames))
-    return Shown(table, _span(table.time.size, "frame", table.time), directory)
+        table = post.in_region(run, area, selection)
+    return Shown(table, span_of(table.time.size, "frame", table.time))
 
 
 def _parse(text: str) -> Area:
@@ -407,9 +397,8 @@ def fields(
     along: Along = None,
     spacing: Spacing = 0.5,
     reach: Reach = 2.0,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
 ) -> Shown:
     """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate,
     stress, temperature, heat flux, fluctuations, inertial number, friction, fluidity.
@@ -426,14 +415,13 @@ def fields(
     ends = None if along is None else parse_line(along, "--line")
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.fields(
             run, of or (), selection, spacing=spacing, reach=reach, center=middle, along=ends,
             is_radial=is_radial
         )  # fmt: skip
-    about = _span(table.frames.size, "frame", table.times)
-    return Shown(table, f"{about}; {table.note}" if table.note else about, directory)
+    about = span_of_frames(table)
+    return Shown(table, f"{about}; {table.note}" if table.note else about)
 
 
 def parse_point(text: str, option: str) -> tuple[float, float]:
@@ -483,16 +471,15 @@ def energy(directory: RunPath, start: Earliest = None, end: End = None) -> Shown
     with store.open_run(directory) as run:
         table = post.energy(run, start, end)
     about = f"energy books from the start of the run to t = {table.time[-1]:g} s"
-    return Shown(table, about, directory)
+    return Shown(table, about)
 
 
 def compare(
     directory: RunPath,
     other: OtherPath,
     of: ComparedFields = None,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
+    *,
+    selection: Chosen,
     bins: Bins = None,
 ) -> Shown:
     """Compare two runs: scenario keys that differ, books, rheology if both are sheared between two
@@ -504,7 +491,6 @@ def compare(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
     with store.open_run(directory) as first, store.open_run(other) as second:
         table = post.compare(
             first, second, of or ["velocity"], selection, bins, names=_names(directory, other)
@@ -513,7 +499,8 @@ def compare(
     keys = count_noun(len(table.keys), "key")
     remarks = [f"{keys} of the scenarios {differ}{':' if table.keys else ''}"]
     remarks += [f"  {key}: {one} | {two}" for key, one, two in table.keys]
-    return Shown(table, f"{directory} and {other}", None, remarks=remarks)
+    about = f"{directory} and {other}"
+    return Shown(table, about, is_of_one_run=False, remarks=remarks)
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:
@@ -555,13 +542,11 @@ def series(
 
     with store.open_run(directory) as run:
         table = post.series(run, of or (), start, end)
-    about = _span(table.time.size, "row", table.time)
-    return Shown(table, about, directory, figure=None if of else table.overview())
+    about = span_of(table.time.size, "row", table.time)
+    return Shown(table, about, figure=None if of else table.overview())
 
 
-def flow(
-    directory: RunPath, line: Line, start: Start = None, end: End = None, frames: Frames = None
-) -> Shown:
+def flow(directory: RunPath, line: Line, *, selection: Chosen) -> Shown:
     """Measure the flow through a line: grains, mass and area per time, from the grains that cross
     it from frame to frame.
     """
@@ -569,9 +554,11 @@ def flow(
     from multicor_cli import post
 
     with store.open_run(directory) as run:
-        table = post.flow_through(run, ends, selected(start, end, frames))
-    about = _span(table.time.size, "interval", (table.time[0] - table.duration[0], table.time[-1]))
-    return Shown(table, f"{about}; {table.note}" if table.note else about, directory)
+        table = post.flow_through(run, ends, selection)
+    about = span_of(
+        table.time.size, "interval", (table.time[0] - table.duration[0], table.time[-1])
+    )
+    return Shown(table, f"{about}; {table.note}" if table.note else about)
 
 
 # ---- Command `post animate`: a film of a map
@@ -637,32 +624,15 @@ def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
 
 group = typer.Typer(no_args_is_help=True, help="Tables and figures from a run.")
 
-COMMANDS = {
-    "profile": shows_table(profile),
-    "theta-eta": shows_table(theta_eta),
-    "map": shows_table(map_grains),
-    "forces": shows_table(forces),
-    "rheology": shows_table(rheology),
-    "fabric": shows_table(fabric),
-    "lifetimes": shows_table(lifetimes),
-    "chains": shows_table(chains),
-    "clusters": shows_table(clusters),
-    "conductivity": shows_table(conductivity),
-    "heat-network": shows_table(heat_network),
-    "wall-heat": shows_table(wall_heat),
-    "hot-spots": shows_table(hot_spots),
-    "diffusion": shows_table(diffusion),
-    "structure": shows_table(structure),
-    "correlation": shows_table(correlation),
-    "mixing": shows_table(mixing),
-    "residence": shows_table(residence),
-    "avalanches": shows_table(avalanches),
-    "region": shows_table(region),
-    "fields": shows_table(fields),
-    "energy": shows_table(energy),
-    "compare": shows_table(compare),
-    "series": shows_table(series),
-    "flow": shows_table(flow),
-    "animate": animate,
-}
+_TABLES: dict[str, Callable[..., Shown]] = {
+    "profile": profile, "theta-eta": theta_eta, "map": map_grains, "forces": forces,
+    "rheology": rheology, "fabric": fabric, "lifetimes": lifetimes, "chains": chains,
+    "clusters": clusters, "conductivity": conductivity, "heat-network": heat_network,
+    "wall-heat": wall_heat, "hot-spots": hot_spots, "diffusion": diffusion, "structure": structure,
+    "correlation": correlation, "mixing": mixing, "residence": residence, "avalanches": avalanches,
+    "region": region, "fields": fields, "energy": energy, "compare": compare, "series": series,
+    "flow": flow,
+}  # fmt: skip
+
+COMMANDS = {**{name: shows_table(command) for name, command in _TABLES.items()}, "animate": animate}
 """Commands by name."""

@@ -20,6 +20,9 @@ from multicor_cli.text import count_noun, with_unit_signs
 if TYPE_CHECKING:
     from multicor_cli.post import Selection, Table
 
+    Chosen = Selection
+    ChosenOfAll = Selection
+
 # ---- Options that the commands `post …` share
 
 Start = Annotated[
@@ -50,11 +53,21 @@ FigureFile = Annotated[Path | None, option("--plot FILE", _FIGURE, False)]
 OverwriteFigure = Annotated[bool, option("--overwrite", "Replace the figure if there is one.")]
 
 
-def selected(start: float | None, end: float | None, frames: str | None) -> Selection:
+def _chosen(start: Start = None, end: End = None, frames: Frames = None) -> Any:
     """The frames that ``--from``, ``--to`` and ``--frames`` choose."""
     from multicor_cli.post import Selection
 
     return Selection(start, end, parse_frames(frames, start, end))
+
+
+def _chosen_of_all(start: SeriesStart = None, end: End = None, frames: Frames = None) -> Any:
+    """The same; all frames without these options."""
+    is_told = start is not None or end is not None or frames is not None
+    return _chosen(start, end, frames if is_told else ":")
+
+
+if not TYPE_CHECKING:  # `shows_table` makes options of the parameters, and a selection of these
+    Chosen, ChosenOfAll = _chosen, _chosen_of_all
 
 
 def parse_frames(
@@ -87,32 +100,42 @@ def span_of(count: int, noun: str, times: Any) -> str:
     return f"{count_noun(count, noun)} from t = {times[0]:g} s to {times[-1]:g} s"
 
 
+def span_of_frames(table: Any) -> str:
+    """The same of a table of frames."""
+    return span_of(table.frames.size, "frame", table.times)
+
+
 class Shown(NamedTuple):
     """What a command shows.
 
     Attributes:
         table: The table.
         about: A line for people above the table.
-        run: The run directory, which JSON names.
         is_detailed: Whether CSV holds the details instead of the table.
         figure: What is drawn, where that is not the table.
         drawing: Further options of the figure.
         content: What decides on the content of JSON: options of ``table.as_dict``.
         remarks: Lines for people, also beside CSV.
+        is_of_one_run: Whether JSON names the run directory.
     """
 
     table: Table
     about: str
-    run: Path | None
     is_detailed: bool = True
     figure: Table | None = None
     drawing: Mapping[str, Any] = {}
     content: Mapping[str, Any] = {}
     remarks: Sequence[str] = ()
+    is_of_one_run: bool = True
 
 
 def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
-    """Give a command the options of all tables; what it returns leaves the program by them."""
+    """Give a command the options of all tables; what it returns leaves the program by them.
+
+    A parameter that is `Chosen` has the options of that function, and is what it makes of them.
+    """
+    options: list[inspect.Parameter] = []
+    choices: dict[str, tuple[Callable[..., Any], list[str]]] = {}
 
     def show(
         is_json: AsJson = False,
@@ -125,21 +148,30 @@ def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
             raise typer.BadParameter("--json and --csv exclude each other")
         if plot is not None:
             _check_figure(plot, is_overwriting=is_overwriting)
+        for name, (choose, names) in choices.items():
+            own[name] = choose(*map(own.pop, names))
         found = command(**own)
         if plot is not None:
             _draw(found, plot)
         if is_json:
-            run = {} if found.run is None else {"run": str(found.run)}
+            run = {"run": str(own["directory"])} if found.is_of_one_run else {}
             emit_json({**run, **found.table.as_dict(**found.content)})
         else:
             _emit(found, is_csv=is_csv)
 
     # Typer reads the options from signature and annotations: those of the command come first.
     *shared, _ = inspect.signature(show, eval_str=True).parameters.values()
-    signature = inspect.signature(command, eval_str=True)
-    options = [*signature.parameters.values(), *shared]
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        if inspect.isfunction(choose := parameter.annotation):
+            wanted = inspect.signature(choose, eval_str=True).parameters
+            choices[parameter.name] = choose, list(wanted)
+            options += wanted.values()
+        else:
+            options.append(parameter)
+    options += shared
     update_wrapper(show, command)
-    show.__signature__ = signature.replace(parameters=options, return_annotation=None)  # type: ignore[attr-defined]
+    keywords = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options]
+    show.__signature__ = inspect.Signature(keywords)  # type: ignore[attr-defined]
     show.__annotations__ = {option.name: option.annotation for option in options}
     return show
 

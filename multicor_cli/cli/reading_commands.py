@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from multicor_cli import __version__
 from multicor_cli.cli import console
 from multicor_cli.cli.options import AsJson, RunPath, option, output_option
 from multicor_cli.cli.post_output import Frames, OneFrame, parse_frames
@@ -18,6 +21,8 @@ from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
 
 # ---- Commands `info`, `verify`, `doctor`
+
+_LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic", "typer", "rich")
 
 _HEAT_LABELS = {
     "friction": "  of friction",
@@ -78,8 +83,6 @@ def verify(directory: RunPath, is_json: AsJson = False) -> None:
 
 def doctor(is_json: AsJson = False) -> None:
     """Describe this installation, for a bug report."""
-    from multicor_cli.cli.diagnosis import diagnose
-
     found = diagnose()
     if is_json:
         console.emit_json(found)
@@ -168,6 +171,72 @@ def _text(value: Any, unit: str = "") -> str:
     if value is None:
         return "–"
     return (f"{value:.4g}" if isinstance(value, float) else str(value)) + unit
+
+
+def diagnose() -> dict[str, Any]:
+    """Versions, processor, memory, threads, kernel cache and free disk."""
+    import platform
+    import shutil
+
+    import h5py
+
+    from multicor_cli.engine.jit.cache import configure_cache, is_compiled
+    from multicor_cli.running.machine import available_cores
+
+    threading, cache = _threading_layer(), configure_cache()
+    kept = f"{cache} ({'compiled' if is_compiled() else 'empty'})"
+    try:
+        memory = format_bytes(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (ValueError, OSError):
+        memory = "unknown"
+    return {
+        "multicor": __version__,
+        "python": f"{platform.python_version()} ({sys.executable})",
+        **{name: _version(name) for name in _LIBRARIES},
+        "hdf5": str(h5py.version.hdf5_version),
+        **{
+            each.name: _version(each.name, f"not installed ({each.use} need it: {each.remedy})")
+            for each in LIBRARIES.values()
+        },
+        "ffmpeg": shutil.which("ffmpeg") or "not installed (films become GIF)",
+        "platform": platform.platform(),
+        "cores": f"{available_cores()} of {os.cpu_count()}",
+        "threading layer": threading,
+        "memory": memory,
+        "kernel cache": "none that outlives a process" if cache is None else kept,
+        "free disk": format_bytes(shutil.disk_usage(Path.cwd()).free),
+    }
+
+
+def _version(name: str, missing: str = "not installed") -> str:
+    from importlib import metadata
+
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return missing
+
+
+def _threading_layer() -> str:
+    """The threading layer of kernels, asked for in another process: a failure stays there."""
+    import subprocess
+
+    from multicor_cli.running.machine import python_child, reserve_threads
+
+    reserve_threads()  # as a run does
+    command, environment = python_child(
+        "-c", "from multicor_cli.engine.jit.cache import describe_layer; print(describe_layer())"
+    )
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=120, check=False
+        )
+    except (OSError, subprocess.SubprocessError) as error:
+        return f"not known: {type(error).__name__}"
+    said = (done.stderr if done.returncode else done.stdout).strip().splitlines()
+    if done.returncode:
+        return f"none: {said[-1] if said else 'Numba cannot be started'}"
+    return said[-1]
 
 
 # ---- Command `report`: one HTML page about a run

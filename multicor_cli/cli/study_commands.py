@@ -41,6 +41,12 @@ _LINES = 60.0  # seconds between two lines in a log
 _SHOWN = 8  # running cases that are listed
 
 
+def _open(file: Path, output: Path | None) -> StudySession:
+    from multicor_cli.studies.session import StudySession
+
+    return StudySession.open(file, output)
+
+
 def run(
     file: StudyFile,
     output: Output = None,
@@ -61,9 +67,8 @@ def run(
     """
     from multicor_cli.running.outcome import ExitCode
     from multicor_cli.studies.directory import CaseStatus
-    from multicor_cli.studies.session import StudySession
 
-    session = StudySession.open(file, output)
+    session = _open(file, output)
     predicted = None
     if any(state.status is CaseStatus.WAITING for state in session.states()):
         if not is_quiet:
@@ -105,9 +110,7 @@ def run(
 
 def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) -> None:
     """Check a study and every case of it, and estimate what it will cost. Nothing is written."""
-    from multicor_cli.studies.session import StudySession
-
-    session = StudySession.open(file, output)
+    session = _open(file, output)
     found = session.check()
     if is_json:
         console.emit_json({
@@ -150,9 +153,8 @@ def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) ->
 def status(file: StudyFile, output: Output = None, is_json: AsJson = False) -> None:
     """Show how far the cases of a study are."""
     from multicor_cli.studies.directory import CaseStatus
-    from multicor_cli.studies.session import StudySession
 
-    session = StudySession.open(file, output)
+    session = _open(file, output)
     states = session.states()
     if is_json:
         console.emit_json({
@@ -198,11 +200,10 @@ def table(
     """
     from multicor_cli.export.target import check_output
     from multicor_cli.optional import library
-    from multicor_cli.studies.session import StudySession
 
     if is_csv and is_json:
         raise typer.BadParameter("--json and --csv exclude each other")
-    session = StudySession.open(file, output)
+    session = _open(file, output)
     found = _table(session, is_mean=is_mean)
     if parquet is not None:
         library("pyarrow")
@@ -270,7 +271,6 @@ def plot(
     """
     from multicor_cli.export.target import check_output
     from multicor_cli.studies import figure
-    from multicor_cli.studies.session import StudySession
     from multicor_cli.studies.table import PlotRequest, make_panels
 
     for asked in axes or ():
@@ -281,7 +281,7 @@ def plot(
         check_output(target, is_overwriting=is_overwriting)
     question = PlotRequest(of, against, by, facet, tuple(_pair(text) for text in where or ()))
     formulas = [figure.formula(text) for text in curves or ()]
-    session = StudySession.open(file, output)
+    session = _open(file, output)
     found = _table(session, is_mean=True)
     panels = make_panels(found, question)
     fits = [] if kind is None else [[figure.fit(kind, it) for it in each.series] for each in panels]
@@ -323,9 +323,8 @@ def report(
     with links to their runs.
     """
     from multicor_cli.studies.report import report_path, write_study_report
-    from multicor_cli.studies.session import StudySession
 
-    session = StudySession.open(file, output)
+    session = _open(file, output)
     target = page if page is not None else report_path(session)
     if target.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"'{target}' does not end in .html", param_hint="--page")
@@ -344,9 +343,8 @@ def cancel(file: StudyFile, output: Output = None) -> None:
     from multicor_cli.store.errors import DirectoryRefused
     from multicor_cli.store.lock import is_alive, read_holder
     from multicor_cli.studies.directory import LOCK
-    from multicor_cli.studies.session import StudySession
 
-    lock = StudySession.open(file, output).directory.path / LOCK
+    lock = _open(file, output).directory.path / LOCK
     holder = read_holder(lock)
     if not is_alive(lock):
         console.say("nobody is at work on this study")
