@@ -1,4 +1,4 @@
-"""Commands ``post conductivity``, ``heat-network``, ``wall-heat``, ``hot-spots``: heat."""
+"""Commands ``post forces`` to ``hot-spots``: what contacts carry, forces and heat."""
 
 from __future__ import annotations
 
@@ -15,11 +15,107 @@ from multicor_cli.cli.post_output import (
     Margin,
     OneFrame,
     Shown,
+    parse_frames,
     span_of_frames,
 )
+from multicor_cli.text import with_error
 
 if TYPE_CHECKING:
     from multicor_cli.post.source import Run, Selection
+
+
+# ---- Commands `post forces`, `post rheology`: what the contacts carry
+
+_DISTRIBUTION = "Show how many contacts carry which force instead."
+Distribution = Annotated[bool, option("--distribution", _DISTRIBUTION)]
+Angles = Annotated[bool, option("--angles", "Show contacts and forces by direction instead.")]
+_MOBILIZATION = "Show how far contacts mobilize their friction instead."
+HasMobilization = Annotated[bool, option("--mobilization", _MOBILIZATION)]
+_MANY = "With --distribution, --angles or --mobilization: the frames to average over."
+ManyFrames = Annotated[str | None, option("--frames A:B[:STEP]", _MANY, False)]
+_UNIT = "Force (in N) of a line 0.15 mean diameters wide: the same for several pictures."
+UnitForce = Annotated[float | None, option("--scale F", _UNIT, "the mean normal force")]
+
+
+def forces(
+    directory: RunPath,
+    frame: OneFrame = -1,
+    has_distribution: Distribution = False,
+    has_angles: Angles = False,
+    has_mobilization: HasMobilization = False,
+    frames: ManyFrames = None,
+    unit: UnitForce = None,
+) -> Shown:
+    """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV,
+    the network as figure.
+
+    Forces are means of the step before the frame. With --distribution: the probability density of
+    forces between grains over their mean. With --angles: the directions of contacts between grains,
+    the mean forces along them, and their anisotropies. With --mobilization: tangential forces
+    between grains over the largest that friction allows.
+    """
+    if has_distribution + has_angles + has_mobilization > 1:
+        raise typer.BadParameter("--distribution, --angles and --mobilization exclude each other")
+    is_network = not (has_distribution or has_angles or has_mobilization)
+    if unit is not None and not (is_network and 0.0 < unit < math.inf):
+        raise typer.BadParameter(
+            "--scale is the positive force of a line in the figure of the network"
+        )
+    from multicor_cli import post
+
+    if is_network:
+        if frames is not None:
+            raise typer.BadParameter(
+                "--frames needs --distribution, --angles or --mobilization; choose one frame with "
+                "--frame"
+            )
+        with store.open_run(directory) as run:
+            network = post.force_network(run, frame)
+        about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
+        return Shown(network, about, drawing={"unit": unit})
+    wanted = parse_frames(frames)
+    with store.open_run(directory) as run:
+        index = post.frame_index(run.frames, frame)
+        selection = post.Selection(frames=slice(index, index + 1) if wanted is None else wanted)
+        measure: Any = post.force_distribution if has_distribution else post.angular_distribution
+        table = (post.mobilization if has_mobilization else measure)(run, selection)
+    span = span_of_frames(table)
+    about = f"{table.contacts} contacts between grains in {span}"
+    if has_mobilization:
+        mean = with_error(table.mean, table.mean_error)
+        slides = with_error(table.sliding, table.sliding_error)
+        about += f"; mean mobilization {mean}, share of sliding contacts {slides}"
+    if has_angles:
+        moments = {name: f"{name} = {value:.4g}" for name, value in table.moments.items()}
+        if table.frames.size > 1:
+            for name, scatter in table.moments_scatter.items():
+                moments[name] += f" (± {scatter:.2g} between frames)"
+        about += "; " + ", ".join(moments.values())
+    return Shown(table, about, is_detailed=False)
+
+
+def rheology(
+    directory: RunPath, *, selection: Chosen, margin: Margin = None, between: Between = None
+) -> Shown:
+    """Measure the rheology of a layer between two walls that shear it, or of a cell without walls:
+    averages with errors; over time as CSV, JSON and figure.
+
+    I = rate × √(m/P), with the mean mass m of a grain and the force P per length with which the
+    walls press (in a cell the mean pressure); the other convention is rate × d/√(P/ρ), with the
+    mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
+    grains with fewer than two contacts that carry a force.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.rheology(run, selection, margin=margin, between=between)
+    about = span_of_frames(table)
+    if isinstance(table, post.CellRheology):
+        about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
+    else:
+        about += f", between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; "
+        about += f"the bulk begins {table.margin:g} m from each"
+    return Shown(table, about)
 
 
 # ---- Command `post conductivity`: how a cell, or a layer between two walls, conducts
