@@ -205,7 +205,8 @@ def hot_spots(
 
     Raises:
         PostError: If the run has no heat; a material no Young's modulus or no conductivity; no
-            forces belong to these frames, or no contact slides in any of them but on sharp corners.
+            forces belong to these frames, or no contact slides in any of them with friction but on
+            sharp corners.
         StoreError: If the run cannot be read.
     """
     if source.model.thermal is None:
@@ -230,6 +231,11 @@ def hot_spots(
         )
     if not rise.size:
         raise PostError("no contact slides in these frames: choose others")
+    if not rise.any():
+        raise PostError(
+            "what slides in these frames does so without friction, which heats no spot: choose "
+            "others"
+        )
     rows = [_spot_numbers(one, limit) for one in spots]
     shown = [q for q in SPOT_QUANTITIES if limit is not None or q.name != "above"]
     values = {q.name: np.array([row[q.name] for row in rows]) for q in shown}

@@ -146,6 +146,8 @@ def test_wrong_runs_are_refused():
     rows = [(0, 1, 1.0, 0.5, 0.1)]
     with pytest.raises(PostError, match="no contact slides in these frames"):
         hot_spots(sliding([[(0, 1, 1.0, 0.5, 0.0)]]), ALL)
+    with pytest.raises(PostError, match="slides in these frames does so without friction"):
+        hot_spots(sliding([[(0, 1, 1.0, 0.0, 0.1)]]), ALL)
     with pytest.raises(PostError, match="the limit is no number"):
         hot_spots(sliding([rows]), ALL, np.nan)
     without = STEEL.replace("young = 193e9\npoisson = 0.29\n", "")
