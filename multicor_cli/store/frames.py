@@ -24,7 +24,7 @@ from multicor_cli.store.errors import DamagedRun, frame_number
 from multicor_cli.store.hdf5 import CheckedFile, dtype_of
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import read_offsets
-from multicor_cli.store.schema.rows import (
+from multicor_cli.store.schema import (
     Column,
     ContactColumns,
     Dataset,
