@@ -343,13 +343,16 @@ def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
 
 def largest_friction(model: Model, laws: ContactLaws) -> float:
     """Largest coefficient of friction between grains at any speed, at the reference temperature."""
-    materials = sorted(set(model.grains.material.tolist()))
-    pairs = [(a, b) for a in materials for b in materials]
-    starts = laws.table_start
-    tables = {int(laws.table[pair]) for pair in pairs} - {-1}
-    values = [float(laws.friction[pair]) for pair in pairs if laws.table[pair] < 0]
-    values += [float(laws.table_friction[starts[t] : starts[t + 1]].max()) for t in tables]
-    return max(values)
+    materials = set(model.grains.material.tolist())
+    return max(pair_friction(laws, a, b) for a in materials for b in materials)
+
+
+def pair_friction(laws: ContactLaws, a: int, b: int) -> float:
+    """As `largest_friction`, of two materials."""
+    table, starts = int(laws.table[a, b]), laws.table_start
+    if table < 0:
+        return float(laws.friction[a, b])
+    return float(laws.table_friction[starts[table] : starts[table + 1]].max())
 
 
 def adhesion_time(model: Model) -> float:
