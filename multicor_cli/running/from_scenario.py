@@ -205,7 +205,7 @@ def _release(scenario: Scenario, model: Model, number: int, group: ParticleGroup
 
     angles = np.empty(0)
     if group.outline is not None:  # those that `packing` has drawn, or the group says
-        from multicor_cli.packing.forms import angles_of
+        from multicor_cli.packing.groups import angles_of
 
         count = int(np.count_nonzero(model.grains.group == number))
         angles = angles_of(
