@@ -9,8 +9,9 @@ While a stage is frozen, what drives walls waits; their thermal conditions go on
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -34,15 +35,12 @@ from multicor_cli.scenario.drives import (
 from multicor_cli.scenario.stages import Stage
 
 DOF_NAMES = ("x", "y", "spin")
+WAYS = (*DOF_NAMES, "surface")
 NEVER = -1
-Kept = TypeVar("Kept", bound=engine.Signal | None)
 
-
-class KeptDrive(NamedTuple):
-    """Drive of a degree of freedom or surface, and index of the stage that says so, or `NEVER`."""
-
-    dof: Dof
-    stage: int
+Signals = TypeVar("Signals", bound=engine.Signal | None)
+Key = TypeVar("Key")
+Said = TypeVar("Said")
 
 
 class KeptCondition(NamedTuple):
@@ -52,63 +50,47 @@ class KeptCondition(NamedTuple):
     stage: int
 
 
-WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive, KeptDrive]
-"""Of x, y, spin and the surface of a wall."""
-
-
-class KeptComponent(NamedTuple):
-    """Drive of a component of a cell, and index of the stage that says so, or `NEVER`."""
-
-    dof: CellDof
-    stage: int
-
-
-def resolve_cell(loading: Sequence[Stage]) -> list[dict[str, KeptComponent]]:
-    """What drives xx, yy and xy of a cell in each stage; at first their rate is 0."""
-    current = dict.fromkeys(COMPONENTS, KeptComponent(RateDof(rate=0.0), NEVER))
-    resolved = []
-    for number, stage in enumerate(loading):
-        named = {} if stage.cell is None else dict(stage.cell)
-        current = current | {
-            name: KeptComponent(dof, number) for name, dof in named.items() if dof is not None
+def _resolved(
+    first: Mapping[Key, tuple[Said, int]], said: Iterable[Mapping[Key, Said | None]]
+) -> Iterator[dict[Key, tuple[Said, int]]]:
+    """What holds in each stage, by keys of ``first``, and index of the stage that has said so."""
+    current = dict(first)
+    for number, named in enumerate(said):
+        new = {
+            key: (each, number)
+            for key, each in named.items()
+            if each is not None and key in current
         }
-        resolved.append(current)
-    return resolved
+        current = current | new
+        yield current
 
 
-def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
-    """What drives each wall in each stage, by stage and wall."""
-    current: list[WallDofs] = [(KeptDrive(FixedDof(fixed=True), NEVER),) * 4] * len(wall_names)
-    resolved = []
-    for number, stage in enumerate(loading):
-        current = current.copy()
-        for wall, name in enumerate(wall_names):
-            if (drives := stage.drives.get(name)) is not None:
-                named = (drives.x, drives.y, drives.spin, drives.surface)
-                x, y, spin, surface = (
-                    before if dof is None else KeptDrive(dof, number)
-                    for dof, before in zip(named, current[wall], strict=True)
-                )
-                current[wall] = x, y, spin, surface
-        resolved.append(current)
-    return resolved
+def resolve_cell(loading: Sequence[Stage]) -> Iterator[dict[str, tuple[CellDof, int]]]:
+    """What drives xx, yy and xy of a cell in each stage; at first their rate is 0."""
+    first: tuple[CellDof, int] = RateDof(rate=0.0), NEVER
+    said = ({} if stage.cell is None else dict(stage.cell) for stage in loading)
+    return _resolved(dict.fromkeys(COMPONENTS, first), said)
+
+
+def resolve_dofs(
+    loading: Sequence[Stage], wall_names: Sequence[str]
+) -> Iterator[dict[tuple[str, str], tuple[Dof, int]]]:
+    """What drives x, y, spin and surface of each wall in each stage; at first all are fixed."""
+    first: tuple[Dof, int] = FixedDof(fixed=True), NEVER
+    said = (
+        {(name, way): getattr(drives, way) for name, drives in stage.drives.items() for way in WAYS}
+        for stage in loading
+    )
+    return _resolved(dict.fromkeys(itertools.product(wall_names, WAYS), first), said)
 
 
 def resolve_conditions(
     loading: Sequence[Stage], first: Mapping[str, WallCondition | None], wall_names: Sequence[str]
 ) -> list[list[KeptCondition]]:
     """Thermal conditions by stage and wall; ``first``: that of a wall's table, None: insulated."""
-    current = [
-        KeptCondition(first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names
-    ]
-    resolved = []
-    for number, stage in enumerate(loading):
-        current = [
-            KeptCondition(stage.thermal[name], number) if name in stage.thermal else before
-            for name, before in zip(wall_names, current, strict=True)
-        ]
-        resolved.append(current)
-    return resolved
+    at_first = {name: (first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names}
+    found = _resolved(at_first, (stage.thermal for stage in loading))
+    return [[KeptCondition(*kept) for kept in stage.values()] for stage in found]
 
 
 @dataclass(frozen=True)
@@ -125,7 +107,7 @@ class StageDrives:
 
     stage: int
     walls: tuple[engine.WallDrive, ...]
-    named_by: tuple[tuple[int, int, int, int], ...]
+    named_by: tuple[tuple[int, ...], ...]
     frozen: tuple[int, ...] = ()
 
     def started(self, stage_starts: Sequence[float]) -> list[engine.WallDrive]:
@@ -140,7 +122,7 @@ class StageDrives:
         moving = [start - still for start, still in zip(stage_starts, stood, strict=True)]
 
         def since(dof: engine.DofDrive, named_by: int) -> engine.DofDrive:
-            def kept(signal: Kept) -> Kept | engine.Shifted:
+            def kept(signal: Signals) -> Signals | engine.Shifted:
                 return kept_signal(signal, named_by, self.stage, moving)
 
             spring = dof.spring and replace(dof.spring, anchor=kept(dof.spring.anchor))
@@ -165,15 +147,14 @@ class StageDrives:
 def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
     """The drives of all stages, which are in time order; walls in the order of their names."""
     drives = []
-    for number, walls in enumerate(resolve_dofs(loading, wall_names)):
-        engine_drives = []
-        for dofs in walls:
-            x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
-            engine_drives.append(engine.WallDrive(x, y, spin, surface.velocity))
-        named_by = tuple((x.stage, y.stage, spin.stage, s.stage) for x, y, spin, s in walls)
-        drives.append(
-            StageDrives(number, tuple(engine_drives), named_by, _frozen_before(loading, number))
-        )
+    for number, kept in enumerate(resolve_dofs(loading, wall_names)):
+        walls, named_by = [], []
+        for name in wall_names:
+            x, y, spin, surface = (_engine_dof(kept[name, way][0]) for way in WAYS)
+            walls.append(engine.WallDrive(x, y, spin, surface.velocity))
+            named_by.append((*(kept[name, way][1] for way in WAYS),))
+        frozen = _frozen_before(loading, number)
+        drives.append(StageDrives(number, tuple(walls), tuple(named_by), frozen))
     return drives
 
 
@@ -183,15 +164,13 @@ def _frozen_before(loading: Sequence[Stage], number: int) -> tuple[int, ...]:
 
 def cell_drives(loading: Sequence[Stage]) -> list[StageDrives]:
     """The drives of all stages of a cell, which is the one wall of its run."""
-    return [
-        StageDrives(
-            number,
-            (engine.WallDrive(_component(xx.dof), _component(yy.dof), _component(xy.dof)),),
-            ((xx.stage, yy.stage, xy.stage, NEVER),),
-            _frozen_before(loading, number),
-        )
-        for number, (xx, yy, xy) in enumerate(cell.values() for cell in resolve_cell(loading))
-    ]
+    drives = []
+    for number, cell in enumerate(resolve_cell(loading)):
+        xx, yy, xy = (_component(dof) for dof, _ in cell.values())
+        named_by = ((*(stage for _, stage in cell.values()), NEVER),)
+        frozen = _frozen_before(loading, number)
+        drives.append(StageDrives(number, (engine.WallDrive(xx, yy, xy),), named_by, frozen))
+    return drives
 
 
 def _component(dof: CellDof) -> engine.DofDrive:
@@ -232,8 +211,8 @@ def engine_signal(signal: Signal) -> engine.Signal:
 
 
 def kept_signal(
-    signal: Kept, named_by: int, stage: int, starts: Sequence[float]
-) -> Kept | engine.Shifted:
+    signal: Signals, named_by: int, stage: int, starts: Sequence[float]
+) -> Signals | engine.Shifted:
     """A signal of the stage ``named_by``, or None, by the time since the start of ``stage``.
 
     ``starts`` are the times at which the stages up to that have begun [s].
