@@ -152,9 +152,7 @@ class _Task:
     def radii(self) -> Floats:
         if self.count is not None:
             return self.sizes.draw(self.count, self.random(Purpose.SIZES))
-        if self.fill is None:
-            message = "neither a count nor a fill"
-            raise ValueError(message)
+        assert self.fill is not None  # the scenario has been checked
         room = self.region.area if self.area is None else self.area.size
         radii = draw_to_total(
             self.sizes, self._area, self.fill * room, lambda: self.random(Purpose.SIZES)
@@ -201,9 +199,7 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         place = group.release.region
         middle = 0.5 * (np.array(place.min) + np.array(place.max))
         return turned(group, radius, middle, forms_of(group.outline, random), random)
-    if isinstance(packing, StartPacking):
-        message = "grains of [start] are not placed here"
-        raise TypeError(message)
+    assert not isinstance(packing, StartPacking)  # those are not placed here
     if isinstance(packing, FilePacking):
         path, is_cell = scenario.resolve_path(packing.path), scenario.domain.is_cell
         grains = read_grains(path, packing.shift, has_mean_flow=is_cell)

@@ -302,8 +302,7 @@ def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
             return ForceReached(goal, wall, _COLUMN[end.axis], count_steps(end.window, dt), length)
         case UntilSteady(steady=SteadyEnd() as end):
             return _steady(end, model, dt)
-    message = f"no condition for {type(stage.until).__name__}"
-    raise TypeError(message)
+    raise TypeError(f"no condition for {type(stage.until).__name__}")
 
 
 def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:
