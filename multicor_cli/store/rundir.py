@@ -113,7 +113,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         if not path.is_dir():
             raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
         names = {entry.name for entry in path.iterdir()}
-        foreign = layout.foreign_entries(path)
+        _, foreign = layout.survey(path)
     if layout.RUN not in names:
         if names <= {layout.LOCK, layout.RUN + ".tmp"}:
             return
@@ -240,7 +240,7 @@ class RunDirectory(Closing):
             # Status ``creating`` first, so that a crash leaves no run
             write_document(path / layout.RUN, "runjson", document)
             with storage_errors(path):
-                for entry in layout.known_files(path):
+                for entry in layout.survey(path)[0]:
                     remove_own(entry)
             for name in (layout.SEGMENTS, layout.CHECKPOINTS):
                 make_directory(path / name)
