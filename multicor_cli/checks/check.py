@@ -184,7 +184,6 @@ class Prepared:
 
     @cached_property
     def cost(self) -> Estimate:
-        """What the run will cost."""
         return estimate(self.scenario, self.plan, self.model, self.state, self.threads)
 
     @cached_property
@@ -313,5 +312,4 @@ class Recorded:
         return np.flatnonzero((np.asarray(self.run.series["stage"]) == stage) & is_moving)
 
     def series(self, name: str) -> Floats:
-        """A column of the time series."""
         return np.asarray(self.run.series[name], np.float64)

@@ -41,10 +41,7 @@ from multicor_cli.store.documents import Origin
 class Placed:
     """What a run begins with.
 
-    Attributes:
-        model: What does not change.
-        state: What does, at time zero.
-        origin: The moment of another run from which it goes on; None: grains and walls start anew.
+    ``origin`` is the moment of another run from which it goes on; None: all start anew.
     """
 
     model: Model

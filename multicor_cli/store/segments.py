@@ -150,12 +150,9 @@ _FRAME_ROWS = schema.STEPS + schema.PARTICLES + schema.CONTACTS + schema.WALLS
 
 
 class FrameWriter:
-    """Collects frames and rows of the time series and commits them as segments.
+    """Collects frames and rows of the time series of a run and commits them as segments.
 
     Args:
-        directory: Directory of the segments.
-        run_id: Identity of the run.
-        model: The model of the run.
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format in which the run was begun.
         committed: Segments committed before.
