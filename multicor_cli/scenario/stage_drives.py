@@ -22,7 +22,6 @@ from multicor_cli.scenario.drives import (
     Dof,
     FixedDof,
     InsulatedCondition,
-    LoadDof,
     PositionDof,
     RampSignal,
     RateDof,
@@ -30,6 +29,7 @@ from multicor_cli.scenario.drives import (
     SineSignal,
     StressDof,
     TableSignal,
+    VelocityDof,
     WallCondition,
 )
 from multicor_cli.scenario.stages import Stage
@@ -146,56 +146,54 @@ class StageDrives:
 
 def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
     """The drives of all stages, which are in time order; walls in the order of their names."""
-    drives = []
-    for number, kept in enumerate(resolve_dofs(loading, wall_names)):
-        walls, named_by = [], []
-        for name in wall_names:
-            x, y, spin, surface = (_engine_dof(kept[name, way][0]) for way in WAYS)
-            walls.append(engine.WallDrive(x, y, spin, surface.velocity))
-            named_by.append((*(kept[name, way][1] for way in WAYS),))
-        frozen = _frozen_before(loading, number)
-        drives.append(StageDrives(number, tuple(walls), tuple(named_by), frozen))
-    return drives
-
-
-def _frozen_before(loading: Sequence[Stage], number: int) -> tuple[int, ...]:
-    return tuple(k for k, stage in enumerate(loading[:number]) if stage.frozen)
+    found = resolve_dofs(loading, wall_names)
+    return _drives(
+        loading, ([[kept[n, way] for way in WAYS] for n in wall_names] for kept in found)
+    )
 
 
 def cell_drives(loading: Sequence[Stage]) -> list[StageDrives]:
     """The drives of all stages of a cell, which is the one wall of its run."""
+    surface = FixedDof(fixed=True), NEVER
+    return _drives(loading, ([[*kept.values(), surface]] for kept in resolve_cell(loading)))
+
+
+def _drives(
+    loading: Sequence[Stage], found: Iterable[list[list[tuple[Dof | CellDof, int]]]]
+) -> list[StageDrives]:
+    """The drives of stages, of each wall those of x, y, spin and surface."""
     drives = []
-    for number, cell in enumerate(resolve_cell(loading)):
-        xx, yy, xy = (_component(dof) for dof, _ in cell.values())
-        named_by = ((*(stage for _, stage in cell.values()), NEVER),)
-        frozen = _frozen_before(loading, number)
-        drives.append(StageDrives(number, (engine.WallDrive(xx, yy, xy),), named_by, frozen))
+    for number, walls in enumerate(found):
+        made = []
+        for kept in walls:
+            x, y, spin, surface = (_engine_dof(dof) for dof, _ in kept)
+            made.append(engine.WallDrive(x, y, spin, surface.velocity))
+        named_by = tuple(tuple(stage for _, stage in kept) for kept in walls)
+        frozen = tuple(k for k, stage in enumerate(loading[:number]) if stage.frozen)
+        drives.append(StageDrives(number, tuple(made), named_by, frozen))
     return drives
 
 
-def _component(dof: CellDof) -> engine.DofDrive:
-    if isinstance(dof, StressDof):
-        return engine.DofDrive(stress=engine_signal(dof.stress))
-    return engine.DofDrive(velocity=engine_signal(dof.rate))
-
-
-def _engine_dof(dof: Dof) -> engine.DofDrive:
-    if isinstance(dof, FixedDof):
-        return engine.DofDrive()
-    if isinstance(dof, PositionDof):
-        return engine.DofDrive(position=engine_signal(dof.position))
-    if isinstance(dof, LoadDof):
-        spring = None
-        if dof.spring is not None:
-            spring = engine.Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
-        return engine.DofDrive(
-            force=None if dof.force is None else engine_signal(dof.force),
-            stress=None if dof.stress is None else engine_signal(dof.stress),
-            between=dof.between,
-            spring=spring,
-            damping=dof.damping,
-        )
-    return engine.DofDrive(velocity=engine_signal(dof.velocity))
+def _engine_dof(dof: Dof | CellDof) -> engine.DofDrive:
+    match dof:
+        case VelocityDof(velocity=signal) | RateDof(rate=signal):
+            return engine.DofDrive(velocity=engine_signal(signal))
+        case PositionDof(position=signal):
+            return engine.DofDrive(position=engine_signal(signal))
+        case StressDof(stress=signal):
+            return engine.DofDrive(stress=engine_signal(signal))
+        case FixedDof():
+            return engine.DofDrive()
+    spring = None
+    if dof.spring is not None:
+        spring = engine.Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
+    return engine.DofDrive(
+        force=None if dof.force is None else engine_signal(dof.force),
+        stress=None if dof.stress is None else engine_signal(dof.stress),
+        between=dof.between,
+        spring=spring,
+        damping=dof.damping,
+    )
 
 
 def engine_signal(signal: Signal) -> engine.Signal:

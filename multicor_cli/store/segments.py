@@ -19,7 +19,7 @@ from multicor_cli.store import schema
 from multicor_cli.store.atomic import (
     append_line,
     commit_bytes,
-    file_digest,
+    described,
     kill_point,
     require_described,
     require_own,
@@ -309,6 +309,5 @@ class FrameWriter:
             series_rows=sum(len(rows["series/step"]) for rows in self._rows),
             first_step=min(steps),
             last_step=max(steps),
-            size=path.stat().st_size,
-            blake2b=file_digest(path),
+            **described(path),
         )
