@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.checks import books, clumps, floor, impacts, resolution
+from multicor_cli.checks import books, floor, outlines, resolution
 from multicor_cli.checks.check import (
     Check,
     Prepared,
@@ -27,8 +27,8 @@ BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     *resolution.BEFORE_RUN,
     *resolution.RIGIDITY_BEFORE_RUN,
     *resolution.PLAUSIBLE_BEFORE_RUN,
-    *clumps.BEFORE_RUN,
-    *impacts.BEFORE_RUN,
+    *outlines.CLUMPS,
+    *outlines.IMPACTS,
     *floor.LIDS,
     *resolution.ROUNDING,
     *floor.RULES,

@@ -157,6 +157,14 @@ def worst_verdict(checks: Iterable[Check]) -> Verdict:
 
 # ---- A run before its first step: what the checks of a scenario look at
 
+_SAMPLES = 32
+
+
+def moments_of(stage: StagePlan) -> list[float]:
+    """Times spread over a stage, or over the first second where its end is not known [s]."""
+    length = 1.0 if stage.length is None else stage.length
+    return [length * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -176,7 +184,6 @@ class Prepared:
 
     @cached_property
     def cost(self) -> Estimate:
-        """What the run will cost."""
         return estimate(self.scenario, self.plan, self.model, self.state, self.threads)
 
     @cached_property
@@ -195,6 +202,14 @@ class Prepared:
             else stage.gravity.started(starts).value(length)
             for stage, length in zip(self.plan.stages, lengths, strict=True)
         ]
+
+    @property
+    def laws(self) -> Iterator[tuple[str, ContactLaws]]:
+        """Contact laws at first, and those of stages that name others; with the stage, in words."""
+        yield "", self.model.laws
+        for stage in self.plan.stages:
+            if stage.laws is not None:
+                yield f"stage {stage.name}", stage.laws
 
     @cached_property
     def drives(self) -> Sequence[list[WallDrive]]:
@@ -297,5 +312,4 @@ class Recorded:
         return np.flatnonzero((np.asarray(self.run.series["stage"]) == stage) & is_moving)
 
     def series(self, name: str) -> Floats:
-        """A column of the time series."""
         return np.asarray(self.run.series[name], np.float64)

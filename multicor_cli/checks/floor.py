@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule
+from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule, moments_of
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
@@ -249,8 +249,6 @@ RULES: tuple[Rule[Prepared], ...] = (
 _STRAY = 0.1
 """A wall lies beyond the grains if no more than this part of their centers lies beyond it."""
 
-_SAMPLES = 32
-
 
 def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
     """Lowest, highest points of walls in x and y [m], ``(w, 2)``; of planes the given point."""
@@ -286,14 +284,13 @@ def _pulls(run: Prepared) -> Iterator[Measured]:
         return  # there is nothing beside the grains
     walls, outward = run.model.walls, _outward(run)
     for stage, drives, gravity in zip(run.plan.stages, run.drives, run.gravity, strict=True):
-        length = 1.0 if stage.length is None else stage.length
-        times = [length * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
+        times = moments_of(stage)
         for w, drive in enumerate(drives):
             for axis, dof in enumerate((drive.x, drive.y)):
                 load = dof.stress if dof.force is None else dof.force
                 if load is None or dof.spring is not None or outward[w, axis] == 0.0:
                     continue
-                force = math.fsum(map(load.value, times)) / _SAMPLES
+                force = math.fsum(map(load.value, times)) / len(times)
                 # `between` two walls is a length like this one
                 force *= float(walls.length[w]) if dof.force is None else 1.0
                 force += float(walls.mass[w] * gravity[axis]) if walls.has_gravity[w] else 0.0

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule
+from multicor_cli.checks.check import Measured, Prepared, Recorded, Rule, moments_of
 from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import DofDrive
@@ -300,10 +300,7 @@ def _diameters(run: Prepared) -> Iterator[Measured]:
 
 
 def _friction(run: Prepared) -> Iterator[Measured]:
-    stages = [(f"stage {stage.name}", stage.laws) for stage in run.plan.stages]
-    for name, laws in [("", run.model.laws), *stages]:
-        if laws is None:
-            continue
+    for name, laws in run.laws:
         values = np.concatenate([laws.friction.ravel(), laws.table_friction])
         values = values[np.isfinite(values)]
         if values.size:
@@ -477,7 +474,6 @@ PLAUSIBLE_OF_RUN: tuple[Rule[Recorded], ...] = (
 
 # ---- Whether numbers of the flow stand out of the rounding of larger ones, to which they are added
 
-_SAMPLES = 32
 _DOUBLE, _SINGLE = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 
 
@@ -495,14 +491,14 @@ def _round_off(run: Prepared) -> Iterator[Measured]:
     yield from _of_places(run, _DOUBLE)
     walls, smallest = run.model.walls, float(run.model.grains.radius.min())
     for stage, drives in zip(run.plan.stages, run.drives, strict=True):
-        length = 1.0 if stage.length is None else stage.length
+        times = moments_of(stage)
         for w, drive in enumerate(drives):
             for dof, mass, lever in (
                 (drive.x, walls.mass[w], 1.0),
                 (drive.y, walls.mass[w], 1.0),
                 (drive.spin, walls.inertia[w], walls.length[w]),
             ):
-                load = _largest_load(dof, float(walls.length[w]), length)
+                load = _largest_load(dof, float(walls.length[w]), times)
                 if load > 0.0:
                     inertia = float(mass) + 0.5 * stage.dt * dof.damping
                     way = load * stage.dt * stage.dt / inertia * float(lever)
@@ -510,13 +506,11 @@ def _round_off(run: Prepared) -> Iterator[Measured]:
                     yield Measured(_DOUBLE * way / smallest, about)
 
 
-def _largest_load(dof: DofDrive, length: float, duration: float) -> float:
-    """Largest force [N] or torque [N m] of a stage; 0 where a motion is prescribed."""
-    loads = [(dof.force, 1.0), (dof.stress, length)]
-    times = [duration * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
+def _largest_load(dof: DofDrive, length: float, times: list[float]) -> float:
+    """Largest force [N] or torque [N m] at some times; 0 where a motion is prescribed."""
     return math.fsum(
         factor * max(abs(load.value(t)) for t in times)
-        for load, factor in loads
+        for load, factor in ((dof.force, 1.0), (dof.stress, length))
         if load is not None
     )
 

@@ -27,7 +27,7 @@ from multicor_cli.post.lattice import Lattice, lattice_of, velocity_at
 from multicor_cli.post.rings import rings_of
 from multicor_cli.store import Frame, Run, StorageError, schema
 from multicor_cli.store.layout import Progress, no_progress
-from multicor_cli.store.schema.rows import Column, Reader
+from multicor_cli.store.schema import Column, Reader
 
 _DEPTH = 1.0
 """Length of the box in z: OVITO wants one, though the frame says that it has two dimensions."""

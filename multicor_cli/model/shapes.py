@@ -408,15 +408,6 @@ def outlines(kind: Ints, geometry: Floats) -> Iterator[tuple[NDArray[np.int64], 
             yield which, shape.outline(geometry[which])
 
 
-def markdown() -> str:
-    """The table of kinds of the format documents."""
-    rows = [
-        f"| {kind:d} | {shape.name} | {shape.meaning} | {shape.numbers} |"
-        for kind, shape in SHAPES.items()
-    ]
-    return "\n".join(["| kind | name | what it is | four numbers |", "|---|---|---|---|", *rows])
-
-
 @dataclass(frozen=True)
 class WallBody:
     """One wall on its own.

@@ -11,7 +11,7 @@ from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal, Walls
 from multicor_cli.model.cell import CELL
 from multicor_cli.model.columns import ANGLE, RADIUS, SPIN, X, Y
-from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
+from multicor_cli.model.model import LEAST_THROAT, SHAPE_FACTOR, Floats
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import nudge, nudge_seed
 from multicor_cli.packing import other_run
@@ -32,6 +32,7 @@ from multicor_cli.packing.overlap import (
 )
 from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.checks.grains import fault_of_period
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.documents import Origin
 
@@ -40,10 +41,7 @@ from multicor_cli.store.documents import Origin
 class Placed:
     """What a run begins with.
 
-    Attributes:
-        model: What does not change.
-        state: What does, at time zero.
-        origin: The moment of another run from which it goes on; None: grains and walls start anew.
+    ``origin`` is the moment of another run from which it goes on; None: all start anew.
     """
 
     model: Model
@@ -148,14 +146,8 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
                 obstacles = obstacles.with_grains(discs, earlier.forms.outlines, angle)
         try:
             group = make_group(scenario, k, obstacles)
-            largest = float(group.radius.max(initial=0.0))
-            if domain.is_periodic and min(domain.periods) < 2.0 * LEAST_DIAMETERS * largest:
-                text = (
-                    f"the period {min(domain.periods):g} m is less than four of the largest "
-                    f"diameters, {2.0 * largest:g} m"
-                )
-                key = "sizes" if table.sizes is not None else "packing"
-                raise Refused((key,), text, "widen the domain or use smaller grains")
+            if fault := fault_of_period(domain, 2.0 * float(group.radius.max(initial=0.0))):
+                raise fault.within("sizes" if table.sizes is not None else "packing")
         except Refused as error:
             errors.append(error.within("particles", k))
             continue

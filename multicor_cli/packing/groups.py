@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -15,8 +16,7 @@ from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.file import read_frame, read_grains
-from multicor_cli.packing.forms import MakeForms, angles_of, forms_of, outlined_as_drawn, turned
-from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, masses
+from multicor_cli.packing.initial_grains import Forms, InitialGrains, PackingRegion, masses
 from multicor_cli.packing.lattice import lay_out, repeat_tile
 from multicor_cli.packing.placing import deposit
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, pack_outlines, random_packing
@@ -48,8 +48,83 @@ from multicor_cli.scenario.particles import (
 )
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import RectangleRegion
-from multicor_cli.scenario.shapes import FixedOrientation, ListOrientation
+from multicor_cli.scenario.shapes import FixedOrientation, GrainShape, ListOrientation
 from multicor_cli.text import count_noun
+
+# ---- From `shape` and `orientation` to outlines and angles of grains
+
+MakeForms = Callable[[int], Forms]
+"""The forms of so many grains, of size 1: of the first ones, whatever their number."""
+
+_DEGREE = math.pi / 180.0
+
+
+def forms_of(shape: GrainShape | None, random: Callable[[Purpose], Stream]) -> MakeForms | None:
+    """What makes the grains of a group; None if they are discs. ``random`` as in `make_group`."""
+    if shape is None:
+        return None
+    if not shape.draws:
+        family = _of_size_one(shape, np.zeros((1, 0)))
+        return lambda count: family.of_grains(np.arange(count) % family.gyration.size)
+    return lambda count: _of_size_one(shape, random(Purpose.SHAPES).random((count, shape.draws)))
+
+
+def _of_size_one(shape: GrainShape, uniform: Floats) -> Forms:
+    forms, _ = _around_centers(shape, uniform)
+    if shape.size == "area":
+        return forms.scaled(1.0 / np.sqrt(forms.outlines.area / math.pi))
+    return forms.scaled(1.0 / forms.outlines.radius)
+
+
+def _around_centers(shape: GrainShape, uniform: Floats) -> tuple[Forms, Floats]:
+    """Grains around their centers of mass, and where these are [m], shape ``(n, 2)``."""
+    grains = shape.forms(uniform)
+    found = shape.measures(grains)
+    local = [
+        [(corners - center, rounding) for corners, rounding in grain]
+        for grain, center in zip(grains, found.center, strict=True)
+    ]
+    outlines = Outlines.of(local, found.area, found.perimeter)
+    return Forms(outlines, found.gyration), found.center
+
+
+def angles_of(group: ParticleGroup, count: int, random: Callable[[Purpose], Stream]) -> Floats:
+    """Angles of the grains at the start [rad], shape ``(n,)``; `Refused` if not one is for each."""
+    table = group.orientation
+    if isinstance(table, FixedOrientation):
+        return np.full(count, table.angle * _DEGREE)
+    if isinstance(table, ListOrientation):
+        if len(table.angles) != count:
+            what = f"{len(table.angles)} angles are given for {count} grains"
+            raise Refused(("orientation", "angles"), what, "give one per grain of the group")
+        return np.array(table.angles) * _DEGREE
+    return 2.0 * math.pi * random(Purpose.ANGLES).random(count)
+
+
+def turned(
+    group: ParticleGroup,
+    sizes: Floats,
+    center: Floats,
+    make: MakeForms | None,
+    random: Callable[[Purpose], Stream],
+) -> InitialGrains:
+    """Grains of these sizes at rest at their centers [m], turned as the group says."""
+    if make is None:
+        return InitialGrains.at_rest(sizes, center)
+    forms, angle = make(sizes.size).scaled(sizes), angles_of(group, sizes.size, random)
+    full = np.column_stack([np.zeros((sizes.size, 2)) + center, angle])
+    return InitialGrains.at_rest(forms.outlines.radius, full, forms)
+
+
+def outlined_as_drawn(shape: GrainShape, packing: OutlinesPacking) -> InitialGrains:
+    """Grains where the file of their shape draws them."""
+    forms, center = _around_centers(shape, np.zeros((1, 0)))
+    forms = forms.scaled(np.full(len(center), packing.scale))
+    place = packing.scale * center + np.array(packing.shift)
+    return InitialGrains.at_rest(forms.outlines.radius, place, forms)
+
+
+# ---- From packings to places
 
 _MOST_FILLED = 1.5
 """Most that grains fill over what is asked for: whole grains meet it to within half of one."""
@@ -77,9 +152,7 @@ class _Task:
     def radii(self) -> Floats:
         if self.count is not None:
             return self.sizes.draw(self.count, self.random(Purpose.SIZES))
-        if self.fill is None:
-            message = "neither a count nor a fill"
-            raise ValueError(message)
+        assert self.fill is not None  # the scenario has been checked
         room = self.region.area if self.area is None else self.area.size
         radii = draw_to_total(
             self.sizes, self._area, self.fill * room, lambda: self.random(Purpose.SIZES)
@@ -126,9 +199,7 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         place = group.release.region
         middle = 0.5 * (np.array(place.min) + np.array(place.max))
         return turned(group, radius, middle, forms_of(group.outline, random), random)
-    if isinstance(packing, StartPacking):
-        message = "grains of [start] are not placed here"
-        raise TypeError(message)
+    assert not isinstance(packing, StartPacking)  # those are not placed here
     if isinstance(packing, FilePacking):
         path, is_cell = scenario.resolve_path(packing.path), scenario.domain.is_cell
         grains = read_grains(path, packing.shift, has_mean_flow=is_cell)

@@ -53,9 +53,7 @@ def masses(
     """
     if shape == "sphere":
         return np.asarray(4.0 / 3.0 * math.pi * (radius * radius * radius) * density)
-    if thickness is None:
-        message = "discs need a thickness"
-        raise ValueError(message)
+    assert thickness is not None  # the scenario has been checked
     area = math.pi * (radius * radius) if forms is None else forms.outlines.area
     return np.asarray(area * thickness * density)
 

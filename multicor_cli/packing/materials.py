@@ -160,9 +160,7 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
     """
     group = scenario.particles[index]
     material, radius = scenario.materials[group.material], grains.radius
-    if material.heat_capacity is None:
-        message = "a material of grains without heat capacity"  # loading a scenario excludes it
-        raise ValueError(message)
+    assert material.heat_capacity is not None  # the scenario has been checked
     mass = masses(radius, group.solid * material.density, group.body, group.thickness, grains.forms)
     # 4π a² of a sphere, 2π a h of a disc, perimeter times h of other grains
     height = np.full(radius.size, group.thickness or math.nan)

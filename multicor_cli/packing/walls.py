@@ -212,9 +212,7 @@ class Obstacles:
             added = added._append(ShapeKind.CIRCLE, np.array([[*area.center, area.outer, 0.0]]))
             inner = np.array([[*area.center, area.inner]])
             return added.with_discs(inner) if area.inner > 0.0 else added
-        if not isinstance(area, Polygon):
-            message = f"no outline of a {type(area).__name__}"
-            raise TypeError(message)
+        assert isinstance(area, Polygon)  # rectangles have none
         points, first, number = area.points, len(self.kind), np.arange(len(area.points))
         sides = np.column_stack([points, np.roll(points, -1, axis=0)])
         corners = np.column_stack([points, first + np.roll(number, 1), first + number])

@@ -205,7 +205,7 @@ def _release(scenario: Scenario, model: Model, number: int, group: ParticleGroup
 
     angles = np.empty(0)
     if group.outline is not None:  # those that `packing` has drawn, or the group says
-        from multicor_cli.packing.forms import angles_of
+        from multicor_cli.packing.groups import angles_of
 
         count = int(np.count_nonzero(model.grains.group == number))
         angles = angles_of(
@@ -302,8 +302,7 @@ def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
             return ForceReached(goal, wall, _COLUMN[end.axis], count_steps(end.window, dt), length)
         case UntilSteady(steady=SteadyEnd() as end):
             return _steady(end, model, dt)
-    message = f"no condition for {type(stage.until).__name__}"
-    raise TypeError(message)
+    raise TypeError(f"no condition for {type(stage.until).__name__}")
 
 
 def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:

@@ -27,7 +27,7 @@ from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store.documents import record_of
 from multicor_cli.store.frames import GrainFacts
 from multicor_cli.store.rundir import RunDirectory
-from multicor_cli.store.schema.rows import read_only
+from multicor_cli.store.schema import read_only
 
 Array = NDArray[Any]
 

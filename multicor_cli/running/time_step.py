@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import ROUND_DOWN, Decimal
 from typing import NamedTuple
 
@@ -79,19 +79,16 @@ class Cycle(NamedTuple):
 class Window(NamedTuple):
     """How long a stage looks at signals [s]: at its own, and at those kept from earlier stages."""
 
-    own: float = math.inf
-    kept: float = math.inf
+    own: float
+    kept: float
 
     def cycle(self, signal: Signal, of: str) -> Cycle:
         length = self.kept if isinstance(signal, Shifted) else self.own
         return Cycle(signal.shortest_period(0.0, length), of)
 
 
-def wall_cycles(
-    model: Model, drives: Sequence[WallDrive], window: Window | None = None
-) -> Iterator[Cycle]:
+def wall_cycles(model: Model, drives: Sequence[WallDrive], window: Window) -> Iterator[Cycle]:
     """Cycles of the drives, one per wall: signals, and masses on their springs, 2π √(M/k)."""
-    window = window or Window()
     for w, (name, drive) in enumerate(zip(model.walls.names, drives, strict=True)):
         masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
         ways = [f"of wall '{name}' in {axis}" for axis in DOF_NAMES]
@@ -124,14 +121,13 @@ class Acting(NamedTuple):
     laws: ContactLaws | None
 
 
-StageCycles = tuple[list[Cycle], list[Cycle]]
-"""All cycles of a stage: what acts on the motion, and what walls do to the heat alone."""
-
-
 def stage_cycles(
     loading: Sequence[Stage], number: int, model: Model, acting: Acting | StagePlan
-) -> StageCycles:
-    """Cycles of a stage; where friction depends on temperature, those of heat act on motion."""
+) -> tuple[list[Cycle], list[Cycle]]:
+    """What acts on the motion in a stage, and what walls do to the heat alone.
+
+    Where friction depends on temperature, that acts on the motion, too.
+    """
     before, duration = loading[:number], loading[number].duration or math.inf
     lengths = (0.0 if stage.until else stage.duration or 0.0 for stage in before)
     starts = [0.0, *itertools.accumulate(lengths)]
@@ -225,19 +221,11 @@ class Scales:
         }
 
 
-def find_scales(
-    scenario: Scenario,
-    model: Model,
-    drives: Sequence[WallDrive],
-    gravity: LargestGravity | None = None,
-    laws: ContactLaws | None = None,
-    cycles: StageCycles | None = None,
+def scales_of_stage(
+    scenario: Scenario, model: Model, number: int, acting: Acting | StagePlan
 ) -> Scales:
-    """The scales of a stage with these drives, one per wall.
-
-    By default gravity and laws are those of the model, and drives alone go up and down.
-    """
-    gravity = gravity or Gravity.constant(model.gravity).largest()
+    """The scales of a stage in which this acts; gravity and laws that it lacks are the model's."""
+    gravity, drives = largest_gravity(acting, model), acting.drives.started([0.0] * (number + 1))
     mean_mass = total(model.grains.mass) / model.grain_count
     if model.is_cell:  # the lighter of the two follows a stress: what M = Σ m d̄² moves has mass m
         mean_mass *= min(1.0, 1.0 if (f := scenario.domain.cell_inertia) is None else f)
@@ -252,23 +240,23 @@ def find_scales(
     strained_by = max(rates, key=rates.__getitem__)
     rate = rates[strained_by]
     speed, mover = fastest(scenario, model, drives, gravity)
-    cycles = cycles or (list(wall_cycles(model, drives)), [])
     period, heat_period = (
         min(each, key=lambda cycle: cycle.period, default=Cycle(math.inf, "a signal"))
-        for each in cycles
+        for each in stage_cycles(scenario.loading, number, model, acting)
     )
     return Scales(
         scale,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
-        largest_friction(model, laws or model.laws),
+        largest_friction(model, acting.laws or model.laws),
         period.period,
         f"{mover} at {speed:.3g} m/s",
         period.of,
         heat_period.period,
         heat_period.of,
         adhesion_time(model),
-        strained_by=strained_by,
+        scenario.stage_solver(number).error_factor,
+        strained_by,
     )
 
 
@@ -335,7 +323,7 @@ def largest_pressure(
     return max([weight, *loads])
 
 
-def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
+def largest_gravity(stage: Acting | StagePlan, model: Model) -> LargestGravity:
     """The largest gravity of a stage."""
     constant = Gravity.constant(model.gravity)
     return (constant if stage.gravity is None else stage.gravity.gravity).largest()
@@ -343,13 +331,16 @@ def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
 
 def largest_friction(model: Model, laws: ContactLaws) -> float:
     """Largest coefficient of friction between grains at any speed, at the reference temperature."""
-    materials = sorted(set(model.grains.material.tolist()))
-    pairs = [(a, b) for a in materials for b in materials]
-    starts = laws.table_start
-    tables = {int(laws.table[pair]) for pair in pairs} - {-1}
-    values = [float(laws.friction[pair]) for pair in pairs if laws.table[pair] < 0]
-    values += [float(laws.table_friction[starts[t] : starts[t + 1]].max()) for t in tables]
-    return max(values)
+    materials = set(model.grains.material.tolist())
+    return max(pair_friction(laws, a, b) for a in materials for b in materials)
+
+
+def pair_friction(laws: ContactLaws, a: int, b: int) -> float:
+    """As `largest_friction`, of two materials."""
+    table, starts = int(laws.table[a, b]), laws.table_start
+    if table < 0:
+        return float(laws.friction[a, b])
+    return float(laws.table_friction[starts[table] : starts[table + 1]].max())
 
 
 def adhesion_time(model: Model) -> float:
@@ -382,17 +373,6 @@ def _largest_velocity(dof: DofDrive) -> float:
     if dof.position is not None:
         return dof.position.steepest()
     return dof.spring.anchor.steepest() if dof.spring is not None else 0.0
-
-
-def scales_of_stage(
-    scenario: Scenario, model: Model, number: int, acting: Acting | StagePlan
-) -> Scales:
-    """The scales of a stage in which this acts."""
-    gravity = None if acting.gravity is None else acting.gravity.gravity.largest()
-    drives = acting.drives.started([0.0] * (number + 1))
-    cycles = stage_cycles(scenario.loading, number, model, acting)
-    scales = find_scales(scenario, model, drives, gravity, acting.laws, cycles)
-    return replace(scales, errors=scenario.stage_solver(number).error_factor)
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:

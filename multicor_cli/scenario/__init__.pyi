@@ -1,11 +1,5 @@
-from .problems import Problem as Problem
 from .problems import Refused as Refused
 from .problems import ScenarioError as ScenarioError
 from .scenario import Scenario as Scenario
 from .scenario import load_scenario as load_scenario
 from .scenario import parse_scenario as parse_scenario
-from .stage_drives import StageDrives as StageDrives
-from .stage_drives import stage_drives as stage_drives
-from .tables import scenario_schema as scenario_schema
-from .templates import TEMPLATES as TEMPLATES
-from .templates import new_scenario as new_scenario

@@ -197,12 +197,14 @@ def tag_word(value: Any) -> str:
 
 
 @contextlib.contextmanager
-def reading_input(name: str | Path, what: str, key: KeyPath) -> Iterator[None]:
+def reading_input(
+    name: str | Path, what: str, key: KeyPath, *, named_in: str = "scenario"
+) -> Iterator[None]:
     """Tell what goes wrong while a file that must be ``what`` is opened and read as `Refused`."""
     try:
         yield
     except FileNotFoundError:
-        remedy = "give its path relative to the scenario file"
+        remedy = f"give its path relative to the {named_in} file"
         raise Refused(key, f"there is no file '{name}'", remedy) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)

@@ -249,21 +249,20 @@ class WallDrives(Table):
 
 def moves(dof: Dof | CellDof) -> bool:
     """Whether a degree of freedom may move at all."""
-    if isinstance(dof, VelocityDof | PositionDof):
-        return any(levels(dof.velocity if isinstance(dof, VelocityDof) else dof.position))
-    if isinstance(dof, RateDof):
-        return any(levels(dof.rate))
+    match dof:
+        case VelocityDof(velocity=signal) | PositionDof(position=signal) | RateDof(rate=signal):
+            return any(levels(signal))
     return isinstance(dof, LoadDof | StressDof)
 
 
 def keeps_moving(dof: Dof | CellDof) -> bool:
     """Whether a degree of freedom moves for as long as one waits."""
-    if isinstance(dof, PositionDof):
-        return isinstance(dof.position, SineSignal) and dof.position.sine.amplitude != 0.0
-    if isinstance(dof, VelocityDof | RateDof):
-        signal = dof.velocity if isinstance(dof, VelocityDof) else dof.rate
-        values = levels(signal)
-        return any(values) if isinstance(signal, SineSignal) else values[-1] != 0.0
+    match dof:
+        case PositionDof(position=signal):
+            return isinstance(signal, SineSignal) and signal.sine.amplitude != 0.0
+        case VelocityDof(velocity=signal) | RateDof(rate=signal):
+            values = levels(signal)
+            return any(values) if isinstance(signal, SineSignal) else values[-1] != 0.0
     return isinstance(dof, LoadDof | StressDof)
 
 

@@ -205,7 +205,6 @@ class Lines:
 
     @property
     def count(self) -> int:
-        """Number of lines."""
         return len(self._lines)
 
     def position(self, offset: int) -> tuple[int, int]:

@@ -48,19 +48,10 @@ class Region(Table):
         """What it is to other packages."""
 
     @property
-    def left(self) -> float:
-        """Smallest x [m]."""
-        return float(self.area().corners()[0, 0])
-
-    @property
-    def right(self) -> float:
-        """Largest x [m]."""
-        return float(self.area().corners()[1, 0])
-
-    @property
     def width(self) -> float:
         """Extent in x [m]."""
-        return self.right - self.left
+        low, high = self.area().corners()[:, 0].tolist()
+        return float(high - low)
 
     @property
     def height(self) -> float:

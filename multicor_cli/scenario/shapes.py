@@ -69,8 +69,11 @@ def convex(points: Floats) -> Floats:
     return kept if is_left else kept[::-1].copy()
 
 
-def _checked(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    convex(np.array(points))
+def _check_convex(
+    points: tuple[tuple[float, float], ...] | None,
+) -> tuple[tuple[float, float], ...] | None:
+    if points is not None:
+        convex(np.array(points))
     return points
 
 
@@ -255,12 +258,7 @@ class PolygonShape(GrainShape):
 
     center: Coordinates | None = optional(_CENTER)
 
-    @field_validator("vertices")
-    @classmethod
-    def _convex(
-        cls, points: tuple[tuple[float, float], ...] | None
-    ) -> tuple[tuple[float, float], ...] | None:
-        return None if points is None else _checked(points)
+    _convex = field_validator("vertices")(_check_convex)
 
     def faults(self) -> Iterator[Refused]:
         yield from exactly_one(self, "sides", "vertices", "give one of them")
@@ -345,7 +343,7 @@ class ClumpPiece(Table):
         cls, points: tuple[tuple[float, float], ...] | None
     ) -> tuple[tuple[float, float], ...] | None:
         if points is None or len(points) > 2:
-            return None if points is None else _checked(points)
+            return _check_convex(points)
         if points[0] == points[1]:
             raise Refused((1,), f"the point {list(points[1])} is given twice", "give center")
         return points

@@ -9,8 +9,9 @@ While a stage is frozen, what drives walls waits; their thermal conditions go on
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -21,7 +22,6 @@ from multicor_cli.scenario.drives import (
     Dof,
     FixedDof,
     InsulatedCondition,
-    LoadDof,
     PositionDof,
     RampSignal,
     RateDof,
@@ -29,20 +29,18 @@ from multicor_cli.scenario.drives import (
     SineSignal,
     StressDof,
     TableSignal,
+    VelocityDof,
     WallCondition,
 )
 from multicor_cli.scenario.stages import Stage
 
 DOF_NAMES = ("x", "y", "spin")
+WAYS = (*DOF_NAMES, "surface")
 NEVER = -1
-Kept = TypeVar("Kept", bound=engine.Signal | None)
 
-
-class KeptDrive(NamedTuple):
-    """Drive of a degree of freedom or surface, and index of the stage that says so, or `NEVER`."""
-
-    dof: Dof
-    stage: int
+Signals = TypeVar("Signals", bound=engine.Signal | None)
+Key = TypeVar("Key")
+Said = TypeVar("Said")
 
 
 class KeptCondition(NamedTuple):
@@ -52,63 +50,47 @@ class KeptCondition(NamedTuple):
     stage: int
 
 
-WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive, KeptDrive]
-"""Of x, y, spin and the surface of a wall."""
-
-
-class KeptComponent(NamedTuple):
-    """Drive of a component of a cell, and index of the stage that says so, or `NEVER`."""
-
-    dof: CellDof
-    stage: int
-
-
-def resolve_cell(loading: Sequence[Stage]) -> list[dict[str, KeptComponent]]:
-    """What drives xx, yy and xy of a cell in each stage; at first their rate is 0."""
-    current = dict.fromkeys(COMPONENTS, KeptComponent(RateDof(rate=0.0), NEVER))
-    resolved = []
-    for number, stage in enumerate(loading):
-        named = {} if stage.cell is None else dict(stage.cell)
-        current = current | {
-            name: KeptComponent(dof, number) for name, dof in named.items() if dof is not None
+def _resolved(
+    first: Mapping[Key, tuple[Said, int]], said: Iterable[Mapping[Key, Said | None]]
+) -> Iterator[dict[Key, tuple[Said, int]]]:
+    """What holds in each stage, by keys of ``first``, and index of the stage that has said so."""
+    current = dict(first)
+    for number, named in enumerate(said):
+        new = {
+            key: (each, number)
+            for key, each in named.items()
+            if each is not None and key in current
         }
-        resolved.append(current)
-    return resolved
+        current = current | new
+        yield current
 
 
-def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
-    """What drives each wall in each stage, by stage and wall."""
-    current: list[WallDofs] = [(KeptDrive(FixedDof(fixed=True), NEVER),) * 4] * len(wall_names)
-    resolved = []
-    for number, stage in enumerate(loading):
-        current = current.copy()
-        for wall, name in enumerate(wall_names):
-            if (drives := stage.drives.get(name)) is not None:
-                named = (drives.x, drives.y, drives.spin, drives.surface)
-                x, y, spin, surface = (
-                    before if dof is None else KeptDrive(dof, number)
-                    for dof, before in zip(named, current[wall], strict=True)
-                )
-                current[wall] = x, y, spin, surface
-        resolved.append(current)
-    return resolved
+def resolve_cell(loading: Sequence[Stage]) -> Iterator[dict[str, tuple[CellDof, int]]]:
+    """What drives xx, yy and xy of a cell in each stage; at first their rate is 0."""
+    first: tuple[CellDof, int] = RateDof(rate=0.0), NEVER
+    said = ({} if stage.cell is None else dict(stage.cell) for stage in loading)
+    return _resolved(dict.fromkeys(COMPONENTS, first), said)
+
+
+def resolve_dofs(
+    loading: Sequence[Stage], wall_names: Sequence[str]
+) -> Iterator[dict[tuple[str, str], tuple[Dof, int]]]:
+    """What drives x, y, spin and surface of each wall in each stage; at first all are fixed."""
+    first: tuple[Dof, int] = FixedDof(fixed=True), NEVER
+    said = (
+        {(name, way): getattr(drives, way) for name, drives in stage.drives.items() for way in WAYS}
+        for stage in loading
+    )
+    return _resolved(dict.fromkeys(itertools.product(wall_names, WAYS), first), said)
 
 
 def resolve_conditions(
     loading: Sequence[Stage], first: Mapping[str, WallCondition | None], wall_names: Sequence[str]
 ) -> list[list[KeptCondition]]:
     """Thermal conditions by stage and wall; ``first``: that of a wall's table, None: insulated."""
-    current = [
-        KeptCondition(first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names
-    ]
-    resolved = []
-    for number, stage in enumerate(loading):
-        current = [
-            KeptCondition(stage.thermal[name], number) if name in stage.thermal else before
-            for name, before in zip(wall_names, current, strict=True)
-        ]
-        resolved.append(current)
-    return resolved
+    at_first = {name: (first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names}
+    found = _resolved(at_first, (stage.thermal for stage in loading))
+    return [[KeptCondition(*kept) for kept in stage.values()] for stage in found]
 
 
 @dataclass(frozen=True)
@@ -125,7 +107,7 @@ class StageDrives:
 
     stage: int
     walls: tuple[engine.WallDrive, ...]
-    named_by: tuple[tuple[int, int, int, int], ...]
+    named_by: tuple[tuple[int, ...], ...]
     frozen: tuple[int, ...] = ()
 
     def started(self, stage_starts: Sequence[float]) -> list[engine.WallDrive]:
@@ -140,7 +122,7 @@ class StageDrives:
         moving = [start - still for start, still in zip(stage_starts, stood, strict=True)]
 
         def since(dof: engine.DofDrive, named_by: int) -> engine.DofDrive:
-            def kept(signal: Kept) -> Kept | engine.Shifted:
+            def kept(signal: Signals) -> Signals | engine.Shifted:
                 return kept_signal(signal, named_by, self.stage, moving)
 
             spring = dof.spring and replace(dof.spring, anchor=kept(dof.spring.anchor))
@@ -164,59 +146,54 @@ class StageDrives:
 
 def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
     """The drives of all stages, which are in time order; walls in the order of their names."""
-    drives = []
-    for number, walls in enumerate(resolve_dofs(loading, wall_names)):
-        engine_drives = []
-        for dofs in walls:
-            x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
-            engine_drives.append(engine.WallDrive(x, y, spin, surface.velocity))
-        named_by = tuple((x.stage, y.stage, spin.stage, s.stage) for x, y, spin, s in walls)
-        drives.append(
-            StageDrives(number, tuple(engine_drives), named_by, _frozen_before(loading, number))
-        )
-    return drives
-
-
-def _frozen_before(loading: Sequence[Stage], number: int) -> tuple[int, ...]:
-    return tuple(k for k, stage in enumerate(loading[:number]) if stage.frozen)
+    found = resolve_dofs(loading, wall_names)
+    return _drives(
+        loading, ([[kept[n, way] for way in WAYS] for n in wall_names] for kept in found)
+    )
 
 
 def cell_drives(loading: Sequence[Stage]) -> list[StageDrives]:
     """The drives of all stages of a cell, which is the one wall of its run."""
-    return [
-        StageDrives(
-            number,
-            (engine.WallDrive(_component(xx.dof), _component(yy.dof), _component(xy.dof)),),
-            ((xx.stage, yy.stage, xy.stage, NEVER),),
-            _frozen_before(loading, number),
-        )
-        for number, (xx, yy, xy) in enumerate(cell.values() for cell in resolve_cell(loading))
-    ]
+    surface = FixedDof(fixed=True), NEVER
+    return _drives(loading, ([[*kept.values(), surface]] for kept in resolve_cell(loading)))
 
 
-def _component(dof: CellDof) -> engine.DofDrive:
-    if isinstance(dof, StressDof):
-        return engine.DofDrive(stress=engine_signal(dof.stress))
-    return engine.DofDrive(velocity=engine_signal(dof.rate))
+def _drives(
+    loading: Sequence[Stage], found: Iterable[list[list[tuple[Dof | CellDof, int]]]]
+) -> list[StageDrives]:
+    """The drives of stages, of each wall those of x, y, spin and surface."""
+    drives = []
+    for number, walls in enumerate(found):
+        made = []
+        for kept in walls:
+            x, y, spin, surface = (_engine_dof(dof) for dof, _ in kept)
+            made.append(engine.WallDrive(x, y, spin, surface.velocity))
+        named_by = tuple(tuple(stage for _, stage in kept) for kept in walls)
+        frozen = tuple(k for k, stage in enumerate(loading[:number]) if stage.frozen)
+        drives.append(StageDrives(number, tuple(made), named_by, frozen))
+    return drives
 
 
-def _engine_dof(dof: Dof) -> engine.DofDrive:
-    if isinstance(dof, FixedDof):
-        return engine.DofDrive()
-    if isinstance(dof, PositionDof):
-        return engine.DofDrive(position=engine_signal(dof.position))
-    if isinstance(dof, LoadDof):
-        spring = None
-        if dof.spring is not None:
-            spring = engine.Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
-        return engine.DofDrive(
-            force=None if dof.force is None else engine_signal(dof.force),
-            stress=None if dof.stress is None else engine_signal(dof.stress),
-            between=dof.between,
-            spring=spring,
-            damping=dof.damping,
-        )
-    return engine.DofDrive(velocity=engine_signal(dof.velocity))
+def _engine_dof(dof: Dof | CellDof) -> engine.DofDrive:
+    match dof:
+        case VelocityDof(velocity=signal) | RateDof(rate=signal):
+            return engine.DofDrive(velocity=engine_signal(signal))
+        case PositionDof(position=signal):
+            return engine.DofDrive(position=engine_signal(signal))
+        case StressDof(stress=signal):
+            return engine.DofDrive(stress=engine_signal(signal))
+        case FixedDof():
+            return engine.DofDrive()
+    spring = None
+    if dof.spring is not None:
+        spring = engine.Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
+    return engine.DofDrive(
+        force=None if dof.force is None else engine_signal(dof.force),
+        stress=None if dof.stress is None else engine_signal(dof.stress),
+        between=dof.between,
+        spring=spring,
+        damping=dof.damping,
+    )
 
 
 def engine_signal(signal: Signal) -> engine.Signal:
@@ -232,8 +209,8 @@ def engine_signal(signal: Signal) -> engine.Signal:
 
 
 def kept_signal(
-    signal: Kept, named_by: int, stage: int, starts: Sequence[float]
-) -> Kept | engine.Shifted:
+    signal: Signals, named_by: int, stage: int, starts: Sequence[float]
+) -> Signals | engine.Shifted:
     """A signal of the stage ``named_by``, or None, by the time since the start of ``stage``.
 
     ``starts`` are the times at which the stages up to that have begun [s].

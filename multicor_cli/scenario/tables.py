@@ -7,9 +7,10 @@ and ``end``, and ``variables``.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from functools import partial
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import ValidationError, ValidationInfo, field_validator
 
@@ -128,38 +129,32 @@ class PartialScenario:
     @classmethod
     def of_model(cls, model: ScenarioModel) -> PartialScenario:
         """That of a scenario whose tables are all valid on their own."""
-        arrays: dict[str, Any] = {key: list(getattr(model, key)) for key in _ARRAYS}
-        return cls(
-            list(model.materials),
-            [group.name for group in model.particles],
-            [wall.name for wall in model.walls],
-            model.start is not None,
-            model.heat is not None,
-            dict(model.materials),
-            **arrays,
-            **{key: getattr(model, key) for key in _TABLES},
-        )
+        return cls._of(dict(model), lambda _, table: table)
 
     @classmethod
     def of_document(cls, data: dict[str, Any], context: Context) -> PartialScenario:
         """That of a document of which some tables are wrong; ``context``: of the validation."""
-        raw = data.get("materials")
+        return cls._of({"solver": {}, **data}, partial(_valid, context=context))
+
+    @classmethod
+    def _of(cls, tables: dict[str, Any], valid: Callable[[type[Table], Any], Any]) -> Self:
+        """That of tables, which ``valid`` checks by their models."""
+        raw = tables.get("materials")
         materials = raw if isinstance(raw, dict) else {}
         arrays: dict[str, Any] = {
-            key: [_valid(model, table, context) for table in _elements(data.get(key))]
+            key: [valid(model, table) for table in _elements(tables.get(key))]
             for key, model in _ARRAYS.items()
         }
         first = itertools.islice(materials.items(), _MAX_TABLES)
-        tables: dict[str, Any] = {"solver": {}, **data}
         return cls(
             list(materials),
-            _names(data.get("particles")),
-            _names(data.get("walls")),
-            "start" in data,
-            "heat" in data,
-            {name: _valid(Material, table, context) for name, table in first},
+            _names(tables.get("particles")),
+            _names(tables.get("walls")),
+            tables.get("start") is not None,
+            tables.get("heat") is not None,
+            {name: valid(Material, table) for name, table in first},
             **arrays,
-            **{key: _valid(model, tables.get(key), context) for key, model in _TABLES.items()},
+            **{key: valid(model, tables.get(key)) for key, model in _TABLES.items()},
         )
 
 
@@ -180,14 +175,17 @@ def _valid(model: type[Table], raw: Any, context: Context) -> Any:
         return None
 
 
-def _elements(raw: Any) -> list[Any]:
-    return raw[:_MAX_TABLES] if isinstance(raw, list) else []
+def _elements(raw: Any) -> Sequence[Any]:
+    return raw[:_MAX_TABLES] if isinstance(raw, list | tuple) else []
 
 
 def _names(raw: Any) -> list[str | None]:
     if isinstance(raw, list) and len(raw) > _MAX_TABLES:
         return [None]  # not all names are known
-    names = [each.get("name") if isinstance(each, dict) else None for each in _elements(raw)]
+    names = [
+        each.get("name") if isinstance(each, dict) else getattr(each, "name", None)
+        for each in _elements(raw)
+    ]
     return [name if isinstance(name, str) else None for name in names]
 
 

@@ -1,4 +1,3 @@
-from .checkpoint import Checkpoint as Checkpoint
 from .errors import DamagedRun as DamagedRun
 from .errors import DirectoryRefused as DirectoryRefused
 from .errors import RunLocked as RunLocked
@@ -11,12 +10,9 @@ from .frames import Frame as Frame
 from .frames import Frames as Frames
 from .provenance import collect_provenance as collect_provenance
 from .reader import Run as Run
-from .reader import Series as Series
 from .reader import open_run as open_run
 from .reader import run_info as run_info
 from .rundir import RunDirectory as RunDirectory
-from .segments import FrameWriter as FrameWriter
 from .snapshot import Snapshot as Snapshot
 from .snapshot import summarize as summarize
-from .verification import FileFinding as FileFinding
 from .verification import verify as verify

@@ -15,7 +15,7 @@ from pydantic import BaseModel, Strict
 from multicor_cli.model import Model, State
 from multicor_cli.model.books import FLUX_BOOKS, HEAT_BOOKS, entry_counts
 from multicor_cli.model.state import digest_of, find_misfit
-from multicor_cli.scenario.documents import Count, Decision
+from multicor_cli.scenario.documents import Count
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import (
     described,
@@ -26,6 +26,7 @@ from multicor_cli.store.atomic import (
 )
 from multicor_cli.store.documents import (
     Document,
+    Steered,
     SummaryDocument,
     check_version,
     read_document,
@@ -87,11 +88,6 @@ class Identity:
         return cls(str(document["run_id"]), scenario, stages, former)
 
 
-class _Steering(BaseModel):
-    decisions: list[Decision]
-    notes: Document
-
-
 class CheckpointDocument(BaseModel):
     """What the description of a checkpoint says."""
 
@@ -104,7 +100,7 @@ class CheckpointDocument(BaseModel):
     last_frame_step: Annotated[int, Strict()]
     last_series_step: Annotated[int, Strict()]
     summary: SummaryDocument
-    steering: _Steering | None = None
+    steering: Steered | None = None
 
 
 def write_checkpoint(

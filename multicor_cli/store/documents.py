@@ -302,11 +302,16 @@ class _Provenance(BaseModel):
     seed: Annotated[int, Strict()]
 
 
-class _Steering(BaseModel):
-    by: str
-    every: Count
+class Steered(BaseModel):
+    """What checkpoints keep of the program that steers a run."""
+
     decisions: list[Decision]
     notes: Document
+
+
+class _Steering(Steered):
+    by: str
+    every: Count
 
 
 class ResultsDocument(BaseModel):

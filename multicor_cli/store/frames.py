@@ -24,7 +24,7 @@ from multicor_cli.store.errors import DamagedRun, frame_number
 from multicor_cli.store.hdf5 import CheckedFile, dtype_of
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import read_offsets
-from multicor_cli.store.schema.rows import (
+from multicor_cli.store.schema import (
     Column,
     ContactColumns,
     Dataset,
@@ -496,11 +496,10 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
                 ``nonaffine``.
         """
         if self.run_model.is_cell:
-            message = (
+            raise ValueError(
                 "in a cell it is not known how often grains have crossed its sides; how far they "
                 "are from where its mean flow would have taken them is nonaffine"
             )
-            raise ValueError(message)
         position = np.array(self.position, np.float64)
         position[:, 0] += self.image * self.run_model.period
         return position

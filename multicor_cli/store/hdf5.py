@@ -277,7 +277,6 @@ class Hdf5Writer:
             kill_point(f"{self.label}.mid_tmp")
 
     def write(self, spec: Dataset, values: NDArray[Any]) -> None:
-        """Write a dataset."""
         stream = self.stream(spec, values.shape, values.dtype if values.dtype.kind == "S" else None)
         stream.append(values)
         self.finish(spec, stream)

@@ -56,22 +56,25 @@ def _is_file(name: str) -> bool:
     return name in _FILES or _FORMER.fullmatch(name) is not None
 
 
-def foreign_entries(directory: Path) -> list[str]:
-    """Names in a run directory that are not files of a run, links to other directories included."""
-    foreign = []
+def survey(directory: Path) -> tuple[list[Path], list[str]]:
+    """All files of a run but ``run.json`` and the lock; and names of what is not of a run.
+
+    Links to other directories are not.
+    """
+    known, foreign = [], []
     for entry in sorted(directory.iterdir()):
-        if entry.name in _IN_DIRECTORY and entry.is_dir() and not entry.is_symlink():
-            known = _IN_DIRECTORY[entry.name]
-            foreign += [
-                f"{entry.name}/{f.name}"
-                for f in sorted(entry.iterdir())
-                if not known.fullmatch(f.name)
-            ]
-        elif not _is_file(entry.name.removesuffix(".tmp")) or (
-            entry.is_dir() and not entry.is_symlink()
-        ):
+        is_directory = entry.is_dir() and not entry.is_symlink()
+        if is_directory and entry.name in _IN_DIRECTORY:
+            for file in sorted(entry.iterdir()):
+                if _IN_DIRECTORY[entry.name].fullmatch(file.name):
+                    known.append(file)
+                else:
+                    foreign.append(f"{entry.name}/{file.name}")
+        elif is_directory or not _is_file(entry.name.removesuffix(".tmp")):
             foreign.append(entry.name)
-    return foreign
+        elif entry.name not in (RUN, LOCK):
+            known.append(entry)
+    return known, foreign
 
 
 def own_files(directory: Path, name: str) -> list[Path]:
@@ -97,17 +100,6 @@ def temporaries(directory: Path) -> list[Path]:
         *former,
         *(file for file in inside if file.name.endswith(".tmp")),
     ]
-
-
-def known_files(directory: Path) -> list[Path]:
-    """All files of a run but ``run.json`` and the lock; only if `foreign_entries` is empty."""
-    found = []
-    for entry in sorted(directory.iterdir()):
-        if entry.name in _IN_DIRECTORY:
-            found += sorted(entry.iterdir())
-        elif entry.name not in (RUN, LOCK):
-            found.append(entry)
-    return found
 
 
 def no_run(path: Path) -> DirectoryRefused:

@@ -39,20 +39,19 @@ class RunLock:
     there (`atomic.require_own`).
 
     The file ``lock`` is locked with ``flock`` and names the holder. ``flock`` may not reach across
-    hosts, so a file that names another host counts as held, unless ``force`` is given. A clean
-    release empties the file.
+    hosts, so a file that names another host counts as held. A clean release empties the file.
 
     Raises `RunLocked` if another process holds it, `DirectoryRefused` if it is a link, which might
     lead to someone else's file, `StorageError` if it cannot be opened.
     """
 
-    def __init__(self, path: Path, *, force: bool = False) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self._descriptor = _acquire(path)
         try:
             with storage_errors(path):
                 holder = json_object(os.pread(self._descriptor, _SIZE, 0))
-                if holder and holder.get("host") != socket.gethostname() and not force:
+                if holder and holder.get("host") != socket.gethostname():
                     raise _locked(path, holder, is_elsewhere=True)
                 os.ftruncate(self._descriptor, 0)
                 identity = {

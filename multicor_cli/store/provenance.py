@@ -20,16 +20,13 @@ from multicor_cli.model.state import nudge_seed
 _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic")
 
 
-def collect_provenance(
-    command: Sequence[str], *, seed: int, threads: int, threading_layer: str = ""
-) -> dict[str, Any]:
+def collect_provenance(command: Sequence[str], *, seed: int, threads: int) -> dict[str, Any]:
     """Provenance of a run.
 
     Args:
         command: Command line.
         seed: Seed of the random numbers, drawn or given.
         threads: Number of threads that the solver may use; with few grains it uses one.
-        threading_layer: Numba's threading layer.
 
     Returns:
         ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads,
@@ -47,7 +44,7 @@ def collect_provenance(
         "cpu": processor(),
         "cores": os.cpu_count() or 0,
         "threads": threads,
-        "threading_layer": threading_layer,
+        "threading_layer": "",  # chosen by the first kernel that has several threads
         "host": socket.gethostname(),
         "command": shlex.join(command),
         "seed": seed,

@@ -46,8 +46,7 @@ from multicor_cli.store.hdf5 import CheckedFile, Closing
 from multicor_cli.store.lock import is_alive, read_holder
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import load_model, read_description, read_model
-from multicor_cli.store.schema import Dataset
-from multicor_cli.store.schema.rows import read_only
+from multicor_cli.store.schema import Dataset, read_only
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 from multicor_cli.store.segments import segment_dims
 from multicor_cli.store.snapshot import empty_summary

@@ -27,7 +27,7 @@ from multicor_cli.model.books import Version
 from multicor_cli.model.outlines import Outlines
 from multicor_cli.model.state import LARGEST
 from multicor_cli.store import schema
-from multicor_cli.store.atomic import file_digest
+from multicor_cli.store.atomic import described
 from multicor_cli.store.documents import Document, ResultsDocument, record_of
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import (
@@ -272,12 +272,7 @@ def write_results(
         read_only=False,
     )
     link_view(path.parent)
-    return {
-        "size": path.stat().st_size,
-        "data_digest": data_digest(digests),
-        "blake2b": file_digest(path),
-        "frames": rows["frame"],
-    }
+    return {**described(path), "data_digest": data_digest(digests), "frames": rows["frame"]}
 
 
 def read_description(file: CheckedFile) -> Document:

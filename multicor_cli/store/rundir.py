@@ -113,7 +113,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         if not path.is_dir():
             raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
         names = {entry.name for entry in path.iterdir()}
-        foreign = layout.foreign_entries(path)
+        _, foreign = layout.survey(path)
     if layout.RUN not in names:
         if names <= {layout.LOCK, layout.RUN + ".tmp"}:
             return
@@ -183,7 +183,6 @@ class RunDirectory(Closing):
         stages: Sequence[str] = (),
         precision: Precision = "double",
         overwrite: bool = False,
-        force_unlock: bool = False,
         origin: Origin | None = None,
         steering: Document | None = None,
     ) -> RunDirectory:
@@ -197,7 +196,6 @@ class RunDirectory(Closing):
             stages: Names of the loading stages.
             precision: How datasets of type ``float`` are stored.
             overwrite: Remove the run that is there.
-            force_unlock: Ignore a lock held on another host.
             origin: The moment of another run from which it goes on.
             steering: What is known of the program that steers it.
 
@@ -210,7 +208,7 @@ class RunDirectory(Closing):
         path = Path(path)
         check_usable(path, overwrite=overwrite)
         make_directory(path)
-        lock = RunLock(path / layout.LOCK, force=force_unlock)
+        lock = RunLock(path / layout.LOCK)
         try:
             check_usable(path, overwrite=overwrite)
             source = source_text.encode() if isinstance(source_text, str) else source_text
@@ -242,7 +240,7 @@ class RunDirectory(Closing):
             # Status ``creating`` first, so that a crash leaves no run
             write_document(path / layout.RUN, "runjson", document)
             with storage_errors(path):
-                for entry in layout.known_files(path):
+                for entry in layout.survey(path)[0]:
                     remove_own(entry)
             for name in (layout.SEGMENTS, layout.CHECKPOINTS):
                 make_directory(path / name)
@@ -258,14 +256,11 @@ class RunDirectory(Closing):
         return run
 
     @classmethod
-    def resume(
-        cls, path: Path, *, force_unlock: bool = False, extension: Extension | None = None
-    ) -> RunDirectory:
+    def resume(cls, path: Path, *, extension: Extension | None = None) -> RunDirectory:
         """Lock an existing run to continue it, or to find that it is finished.
 
         Args:
             path: The directory.
-            force_unlock: Ignore a lock held on another host.
             extension: A scenario with more stages, with which it goes on from now on.
 
         Raises:
@@ -277,7 +272,7 @@ class RunDirectory(Closing):
         path = Path(path)
         if not (path / layout.RUN).is_file():
             raise layout.no_run(path)
-        lock = RunLock(path / layout.LOCK, force=force_unlock)
+        lock = RunLock(path / layout.LOCK)
         try:
             document = read_run_document(path)
             # What interrupted commits have left goes, as far as possible; what is not ours stays

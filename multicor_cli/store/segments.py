@@ -19,7 +19,7 @@ from multicor_cli.store import schema
 from multicor_cli.store.atomic import (
     append_line,
     commit_bytes,
-    file_digest,
+    described,
     kill_point,
     require_described,
     require_own,
@@ -150,12 +150,9 @@ _FRAME_ROWS = schema.STEPS + schema.PARTICLES + schema.CONTACTS + schema.WALLS
 
 
 class FrameWriter:
-    """Collects frames and rows of the time series and commits them as segments.
+    """Collects frames and rows of the time series of a run and commits them as segments.
 
     Args:
-        directory: Directory of the segments.
-        run_id: Identity of the run.
-        model: The model of the run.
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format in which the run was begun.
         committed: Segments committed before.
@@ -312,6 +309,5 @@ class FrameWriter:
             series_rows=sum(len(rows["series/step"]) for rows in self._rows),
             first_step=min(steps),
             last_step=max(steps),
-            size=path.stat().st_size,
-            blake2b=file_digest(path),
+            **described(path),
         )

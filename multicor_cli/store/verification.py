@@ -39,12 +39,9 @@ from multicor_cli.store.vtkhdf import check_view
 
 @dataclass(frozen=True)
 class FileFinding:
-    """Something wrong, or worth knowing.
+    """Something wrong with a file, or worth knowing.
 
-    Attributes:
-        severity: ``error``: data are lost or not to be trusted; ``warning``: nothing is lost.
-        file: The file.
-        message: What was found.
+    An ``error``: data are lost or not to be trusted; a ``warning``: nothing is lost.
     """
 
     severity: Literal["error", "warning"]

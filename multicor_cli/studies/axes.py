@@ -11,12 +11,13 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from multicor_cli.files import read_regular
 from multicor_cli.optional import library
-from multicor_cli.scenario.base import MAX_BYTES, refuse_semicolons
+from multicor_cli.scenario.base import MAX_BYTES, reading_input, refuse_semicolons
 from multicor_cli.scenario.problems import Problem, Refused, ScenarioError, parse_key
 from multicor_cli.scenario.scenario import Scenario, load_scenario
 from multicor_cli.studies.study_file import (
@@ -133,23 +134,15 @@ def _between(axis: Range, share: float) -> float:
 
 def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
     """Rows of a CSV file whose header names keys; values as in TOML, words as they are."""
-
-    def bad(message: str, remedy: str) -> Refused:
-        return Refused(("vary", "file"), message, remedy)
-
-    try:
+    place = ("vary", "file")
+    bad = partial(Refused, place)
+    with reading_input(name, "a CSV file in UTF-8", place, named_in="study"):
         text = read_regular(path, MAX_BYTES).decode("utf-8-sig")
         lines = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
-    except FileNotFoundError:
-        remedy = "give its path relative to the study file"
-        raise bad(f"there is no file '{name}'", remedy) from None
-    except (OSError, ValueError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or error
-        raise bad(f"'{name}' cannot be read: {why}", "it must be a CSV file in UTF-8") from None
     if len(lines) < 2:
         remedy = "let the first line name the keys, and each further one give their values"
         raise bad(f"'{name}' has no rows", remedy)
-    refuse_semicolons(lines[0], name, ("vary", "file"))
+    refuse_semicolons(lines[0], name, place)
     keys = [title.strip() for title in lines[0]]
     for key in keys:
         if not key or key in OPTIONS or key in taken or keys.count(key) > 1:

@@ -165,7 +165,7 @@ class StudyDirectory:
                 )
 
     @contextlib.contextmanager
-    def held(self, *, force: bool = False) -> Iterator[None]:
+    def held(self) -> Iterator[None]:
         """Keep other clients away; raises `RunLocked`, which names the other, if one is at work.
 
         If the directory holds something else `DirectoryRefused`, before anything is written.
@@ -173,7 +173,7 @@ class StudyDirectory:
         if not self.exists:
             self._refuse_foreign()
         make_directory(self.path)
-        lock = RunLock(self.path / LOCK, force=force)
+        lock = RunLock(self.path / LOCK)
         try:
             yield
         finally:

@@ -7,14 +7,13 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
-    Strict,
     Tag,
     ValidationError,
     ValidationInfo,
@@ -22,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from multicor_cli.scenario.base import Name, Table
+from multicor_cli.scenario.base import Array, Name, Table, optional, required
 from multicor_cli.scenario.load import parse_toml, read_text
 from multicor_cli.scenario.problems import KeyPath, Refused, ScenarioError, Sources
 from multicor_cli.scenario.region import AnyRegion
@@ -53,37 +52,31 @@ Key = Annotated[str, Field(min_length=1, max_length=200)]
 class Range(Table):
     """Evenly spaced numbers from one to another, both included."""
 
-    from_: int | float = Field(alias="from", description="first number")
-    to: int | float = Field(description="last number")
-    count: int | None = Field(
-        None, ge=1, le=MAX_CASES, description="how many; without a meaning where points are drawn"
+    from_: int | float = required("first number", alias="from")
+    to: int | float = required("last number")
+    count: int | None = optional(
+        "how many; without a meaning where points are drawn", ge=1, le=MAX_CASES
     )
-    spacing: Literal["linear", "log"] = Field(
-        "linear", description="equal differences, or equal ratios"
-    )
+    spacing: Literal["linear", "log"] = optional("equal differences, or equal ratios", "linear")
 
-    @model_validator(mode="after")
-    def _is_a_range(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if self.from_ == self.to and self.count != 1:
             what = f"the range from {self.from_:g} to {self.to:g} has no length"
-            raise Refused(("to",), what, "give two different ends, or a list")
+            yield Refused(("to",), what, "give two different ends, or a list")
         if self.spacing == "log" and min(self.from_, self.to) <= 0.0:
             what = "a range with spacing 'log' needs positive ends"
-            raise Refused(("from",), what, 'use spacing = "linear"')
-        return self
+            yield Refused(("from",), what, 'use spacing = "linear"')
 
 
 class Sampled(Table):
     """Points drawn from the box that the ranges of ``vary`` span."""
 
-    kind: Literal["latin-hypercube", "sobol"] = Field(description="how points are drawn")
-    count: int = Field(
-        ge=1, le=MAX_CASES, description="number of points; for sobol a power of two is best"
-    )
-    seed: int = Field(1, ge=0, le=2**31 - 1, description="seed of the points")
+    kind: Literal["latin-hypercube", "sobol"] = required("how points are drawn")
+    count: int = required("number of points; for sobol a power of two is best", ge=1, le=MAX_CASES)
+    seed: int = optional("seed of the points", 1, ge=0, le=2**31 - 1)
 
 
-Values = Annotated[tuple[Scalar, ...], Strict(False), Field(min_length=1, max_length=MAX_CASES)]
+Values = Annotated[Array[Scalar], Field(min_length=1, max_length=MAX_CASES)]
 
 
 def _check_count(axis: Any, info: ValidationInfo) -> Any:
@@ -126,26 +119,18 @@ class Vary(Table):
     Keys of the scenario are collected in ``keys``; the others say how they are combined.
     """
 
-    zip: Annotated[
-        tuple[Annotated[tuple[Key, ...], Strict(False), Field(min_length=2)], ...], Strict(False)
-    ] = Field(
+    zip: Array[Annotated[Array[Key], Field(min_length=2)]] = optional(
+        "groups of keys whose values go together, the first with the first, instead of being "
+        "combined",
         (),
-        description=(
-            "groups of keys whose values go together, the first with the first, instead of being "
-            "combined"
-        ),
     )
-    file: str | None = Field(
-        None,
-        min_length=1,
-        description="CSV file: a column for each key, a row for each combination",
+    file: str | None = optional(
+        "CSV file: a column for each key, a row for each combination", min_length=1
     )
-    sample: Sampled | None = Field(
-        None, description="draw points between the ends of all ranges instead of combining them"
+    sample: Sampled | None = optional(
+        "draw points between the ends of all ranges instead of combining them"
     )
-    keys: dict[Key, Axis] = Field(
-        default_factory=dict, max_length=100, description="values of each key"
-    )
+    keys: dict[Key, Axis] = optional("values of each key", default_factory=dict, max_length=100)
 
     @model_validator(mode="before")
     @classmethod
@@ -160,23 +145,19 @@ class Vary(Table):
 class After(Table):
     """From when on an observable is averaged."""
 
-    time: float | None = Field(None, ge=0.0, description="time [s]")
-    strain: float | None = Field(None, ge=0.0, description="shear strain of the last stage")
+    time: float | None = optional("time [s]", ge=0.0)
+    strain: float | None = optional("shear strain of the last stage", ge=0.0)
 
-    @model_validator(mode="after")
-    def _one(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if (self.time is None) == (self.strain is None):
-            raise Refused((), "either time or strain says from when on", "give one of them")
-        return self
+            yield Refused((), "either time or strain says from when on", "give one of them")
 
 
 class Observable(Table):
     """One number, with its error, from every run."""
 
-    name: Name = Field(description="its name in tables")
-    label: str = Field(
-        "", max_length=200, description="its name in figures; TeX between dollar signs"
-    )
+    name: Name = required("its name in tables")
+    label: str = optional("its name in figures; TeX between dollar signs", "", max_length=200)
     post: (
         Literal[
             "rheology", "fabric", "lifetimes", "chains", "clusters", "conductivity", "heat-network",
@@ -184,56 +165,47 @@ class Observable(Table):
             "residence", "avalanches", "region", "profile", "theta-eta", "map", "forces", "energy"
         ]
         | None
-    ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip
-    info: str | None = Field(
-        None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean"
+    ) = optional("command `multicor post` whose table it is taken from")  # fmt: skip
+    info: str | None = optional(
+        "field of `multicor info --json`, as solver.sweeps_mean", min_length=1
     )
-    series: str | None = Field(
-        None, min_length=1, description="column of the time series, averaged"
+    series: str | None = optional("column of the time series, averaged", min_length=1)
+    value: str | None = optional("quantity of the table", min_length=1)
+    after: After | None = optional("from when on; default: the later half of the last stage")
+    at: float | None = optional(
+        "where in a profile: height above the lower wall [m]; in theta-eta: η"
     )
-    value: str | None = Field(None, min_length=1, description="quantity of the table")
-    after: After | None = Field(
-        None, description="from when on; default: the later half of the last stage"
+    bins: int | None = optional(
+        "number of bins of a profile, theta-eta, structure, correlation", ge=1, le=10_000
     )
-    at: float | None = Field(
-        None, description="where in a profile: height above the lower wall [m]; in theta-eta: η"
+    column: str | None = optional(
+        "column of the time series whose drops are avalanches", min_length=1
     )
-    bins: int | None = Field(
-        None,
-        ge=1,
-        le=10_000,
-        description="number of bins of a profile, theta-eta, structure, correlation",
+    threshold: float | None = optional(
+        "smallest drop of the column; default: its standard deviation", gt=0.0
     )
-    column: str | None = Field(
-        None, min_length=1, description="column of the time series whose drops are avalanches"
-    )
-    threshold: float | None = Field(
-        None, gt=0.0, description="smallest drop of the column; default: its standard deviation"
-    )
-    inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
-    statistic: Literal["mean", "min", "max", "std"] | None = Field(
-        None, description="of the grains of a map; default: mean"
+    inside: AnyRegion | None = optional("the region, as of a group of grains")
+    statistic: Literal["mean", "min", "max", "std"] | None = optional(
+        "of the grains of a map; default: mean"
     )
 
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         given = [name for name in ("post", "info", "series") if getattr(self, name) is not None]
         if len(given) != 1:
             what = "post, info or series says where an observable comes from"
-            raise Refused((), what, "give one of them")
+            yield Refused((), what, "give one of them")
         if (self.post is None) != (self.value is None):
             remedy = 'give both: post = "rheology", value = "friction_walls"'
-            raise Refused((), "post and value belong together", remedy)
+            yield Refused((), "post and value belong together", remedy)
         if self.info is not None and self.after is not None:
-            raise Refused(("after",), "a field of info is no mean", "leave after out")
+            yield Refused(("after",), "a field of info is no mean", "leave after out")
         for key, (needing, allowing) in _KEYS_OF_TABLES.items():
             is_given = getattr(self, key) is not None
             if is_given and self.post not in (*needing, *allowing):
                 known = " or ".join(f'post = "{name}"' for name in (*needing, *allowing))
-                raise Refused((key,), f"{key} belongs to {known}", f"leave {key} out")
+                yield Refused((key,), f"{key} belongs to {known}", f"leave {key} out")
             if not is_given and self.post in needing:
-                raise Refused((), f'post = "{self.post}" needs {key}', _EXAMPLES[key])
-        return self
+                yield Refused((), f'post = "{self.post}" needs {key}', _EXAMPLES[key])
 
 
 _KEYS_OF_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -269,13 +241,11 @@ class Queue(Table):
 
     model_config = Table.model_config | {"extra": "allow"}
 
-    queue: str | None = Field(None, description="partition or queue")
-    walltime: str = Field(
-        "01:00:00", pattern=r"^\d+(-\d+)?:\d\d(:\d\d)?$", description="of a job, hh:mm:ss"
-    )
-    cores: int = Field(1, ge=1, le=4096, description="of a job")
-    memory: str = Field("4GB", pattern=r"^\d+(\.\d+)? ?[kMGT]i?B$", description="of a job")
-    jobs: int = Field(1, ge=1, le=10_000, description="number of jobs at a time")
+    queue: str | None = optional("partition or queue")
+    walltime: str = optional("of a job, hh:mm:ss", "01:00:00", pattern=r"^\d+(-\d+)?:\d\d(:\d\d)?$")
+    cores: int = optional("of a job", 1, ge=1, le=4096)
+    memory: str = optional("of a job", "4GB", pattern=r"^\d+(\.\d+)? ?[kMGT]i?B$")
+    jobs: int = optional("number of jobs at a time", 1, ge=1, le=10_000)
 
     @property
     def seconds(self) -> float:
@@ -289,89 +259,73 @@ class Queue(Table):
 class Compute(Table):
     """Where cases are computed."""
 
-    workers: int | None = Field(
-        None,
-        ge=1,
-        le=1024,
-        description="cases at a time on this machine; default: one for each core",
+    workers: int | None = optional(
+        "cases at a time on this machine; default: one for each core", ge=1, le=1024
     )
-    threads: int | None = Field(
-        None, ge=1, le=1024, description="of a case; default: as many as it can use"
+    threads: int | None = optional("of a case; default: as many as it can use", ge=1, le=1024)
+    scheduler: str | None = optional(
+        "address of a Dask scheduler that runs, as tls://host:8786", min_length=1
     )
-    scheduler: str | None = Field(
-        None, min_length=1, description="address of a Dask scheduler that runs, as tls://host:8786"
-    )
-    slurm: Queue | None = Field(None, description="jobs of SLURM")
-    pbs: Queue | None = Field(None, description="jobs of PBS")
-    sge: Queue | None = Field(None, description="jobs of SGE")
-    lsf: Queue | None = Field(None, description="jobs of LSF")
+    slurm: Queue | None = optional("jobs of SLURM")
+    pbs: Queue | None = optional("jobs of PBS")
+    sge: Queue | None = optional("jobs of SGE")
+    lsf: Queue | None = optional("jobs of LSF")
 
-    @model_validator(mode="after")
-    def _one(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         given = [name for name, value in self if name != "threads" and value is not None]
         if len(given) > 1:
             what = f"{' and '.join(given)} cannot be had together"
-            raise Refused((given[1],), what, "give one of them")
-        return self
+            yield Refused((given[1],), what, "give one of them")
 
 
 class About(Table):
     """Name, scenario and seeds."""
 
-    name: Name = Field(description="name of the study; runs go into studies/NAME")
-    scenario: str = Field(min_length=1, description="path of the scenario, relative to this file")
-    seeds: int | Annotated[tuple[int, ...], Strict(False), Field(min_length=1)] | None = Field(
-        None,
-        description=(
-            "number of seeds, from that of the scenario on, or a list of them; default: that of "
-            "the scenario"
-        ),
+    name: Name = required("name of the study; runs go into studies/NAME")
+    scenario: str = required("path of the scenario, relative to this file", min_length=1)
+    seeds: int | Annotated[Array[int], Field(min_length=1)] | None = optional(
+        "number of seeds, from that of the scenario on, or a list of them; default: that of the "
+        "scenario"
     )
-    description: str = Field("", max_length=1000, description="a line about the study")
+    description: str = optional("a line about the study", "", max_length=1000)
 
-    @model_validator(mode="after")
-    def _different_seeds(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         seeds = self.seeds
         if isinstance(seeds, int) and not 1 <= seeds <= MAX_CASES:
             remedy = f"give 1 to {MAX_CASES}, or a list of seeds"
-            raise Refused(("seeds",), f"there cannot be {seeds} seeds", remedy)
+            yield Refused(("seeds",), f"there cannot be {seeds} seeds", remedy)
         if isinstance(seeds, tuple) and len(set(seeds)) < len(seeds):
-            raise Refused(("seeds",), "a seed comes twice", "give each seed once")
-        return self
+            yield Refused(("seeds",), "a seed comes twice", "give each seed once")
 
 
 class StudyModel(Table):
     """A study file."""
 
-    study: About = Field(description="name, scenario and seeds")
-    set: dict[Key, Scalar] = Field(
-        default_factory=dict, max_length=100, description="keys of the scenario set in all cases"
+    study: About = required("name, scenario and seeds")
+    set: dict[Key, Scalar] = optional(
+        "keys of the scenario set in all cases", default_factory=dict, max_length=100
     )
-    vary: Vary = Field(default_factory=Vary, description="what is varied")
-    observe: Annotated[tuple[Observable, ...], Strict(False)] = Field(
-        (), max_length=100, description="numbers taken from every run"
-    )
-    compute: Compute = Field(default_factory=Compute, description="where cases are computed")
+    vary: Vary = optional("what is varied", default_factory=Vary)
+    observe: Array[Observable] = optional("numbers taken from every run", (), max_length=100)
+    compute: Compute = optional("where cases are computed", default_factory=Compute)
 
     @field_validator("set", mode="before")
     @classmethod
     def _collect(cls, data: Any) -> Any:
         return dict(_flat((), data)) if isinstance(data, dict) else data
 
-    @model_validator(mode="after")
-    def _different_names(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         for key in self.set:
             if key in self.vary.keys:
-                raise Refused(("set",), f"{key} is set and varied", "leave one of them out")
+                yield Refused(("set",), f"{key} is set and varied", "leave one of them out")
         names = [observable.name for observable in self.observe]
         if len(set(names)) < len(names):
-            raise Refused(("observe",), "two observables have the same name", "give each its own")
+            yield Refused(("observe",), "two observables have the same name", "give each its own")
         columns = {f"{name}_{ending}" for name in names for ending in ("error", "between", "seeds")}
         for number, name in enumerate(names):
             if name in OF_TABLES or name in columns:
                 what = f"tables have another column '{name}'"
-                raise Refused(("observe", number, "name"), what, "give the observable another name")
-        return self
+                yield Refused(("observe", number, "name"), what, "give the observable another name")
 
 
 # ---- Reading it

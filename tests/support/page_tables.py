@@ -5,7 +5,8 @@ import re
 from pathlib import Path
 
 from multicor_cli import checks, post
-from multicor_cli.model import shapes
+from multicor_cli.model.books import entry_counts
+from multicor_cli.model.shapes import SHAPES
 from multicor_cli.post.avalanches import EVENTS
 from multicor_cli.post.conductivity import FLUX_QUANTITIES
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
@@ -83,13 +84,50 @@ def _measured() -> str:
     return "\n".join(lines)
 
 
+_SYMBOLS: dict[str, str] = {
+    "one": "1", "frame": "K", "frame_edge": "K+1", "particle_row": "P", "contact_row": "C",
+    "rolling_row": "C°", "near_row": "C⁺", "series_row": "S", "grain": "n", "shape": "m",
+    "wall": "w", "material": "k", "group": "g", "stage": "L", "table_edge": "T+1", "table_row": "R",
+    "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
+    "origin_row": "w°", "surface_row": "w°", "ahead_row": "w°", "before_row": "B", "outlet": "o",
+    "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
+    "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
+    "flux_book": "F°",
+    "expansion_grain": "n†", "expansion_book": "G†", "point_row": "C‡",
+    "near_point_row": "C‡", "late_row": "C′", "grain_edge": "n+1",
+    "piece": "p", "piece_edge": "p+1", "corner": "v",
+}  # fmt: skip
+"""Of dimensions."""
+
+
+def _datasets(table: tuple[schema.Dataset, ...]) -> str:
+    """Path, type, shape, unit, meaning, since (and feature)."""
+    symbols = _SYMBOLS | {dim: str(count) for dim, count in entry_counts().items()}
+    lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
+    for row in table:
+        shape = ", ".join(symbols[d] if isinstance(d, str) else str(d) for d in row.dims)
+        since = ".".join(map(str, row.since)) + (f", {row.only_with}" if row.only_with else "")
+        meaning = row.meaning.replace("|", "\\|")
+        lines.append(
+            f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |"
+        )
+    return "\n".join(lines)
+
+
+def _shapes() -> str:
+    lines = ["| kind | name | what it is | four numbers |", "|---|---|---|---|"]
+    for kind, shape in SHAPES.items():
+        lines.append(f"| {kind:d} | {shape.name} | {shape.meaning} | {shape.numbers} |")
+    return "\n".join(lines)
+
+
 def _table(name: str) -> str:
     if name == "SHAPES":
-        return shapes.markdown()
+        return _shapes()
     if name == "MEASURED":
         return _measured()
     if hasattr(schema, name):
-        return schema.markdown(getattr(schema, name))
+        return _datasets(getattr(schema, name))
     lines = ["| check | limit | meaning | remedy |", "|---|---|---|---|"]
     for rule in getattr(checks, name):
         limit = f"{rule.limit} {rule.unit}" if rule.unit and rule.limit != "none" else rule.limit

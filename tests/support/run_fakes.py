@@ -14,7 +14,9 @@ from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import Aim, RestReached, StrainReached
 from multicor_cli.running.outcome import SilentObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.time_step import Acting, scales_of_stage
 from multicor_cli.scenario.settings import Output
+from multicor_cli.scenario.stage_drives import StageDrives
 
 KINETIC = BOOK_NAMES.index("kinetic")
 
@@ -142,6 +144,12 @@ class FakeDrives:
 
 def shear(speed):
     return FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=Constant(speed))))
+
+
+def scales_of_drives(scenario, model, drives):
+    """The scales of a first stage in which walls are driven so."""
+    driven = StageDrives(0, tuple(drives), ((0,) * 4,) * len(drives))
+    return scales_of_stage(scenario, model, 0, Acting(driven, None, None, None))
 
 
 def strain_reached(spacing, goal):

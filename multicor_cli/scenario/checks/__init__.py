@@ -6,8 +6,6 @@ from multicor_cli.scenario.checks import cell, grains, laws, stages
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.tables import PartialScenario
 
-__all__ = ["check_all"]
-
 
 def check_all(tables: PartialScenario) -> list[Refused]:
     """All findings about how tables fit together; tables invalid on their own are left out."""

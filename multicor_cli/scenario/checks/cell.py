@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from multicor_cli.scenario.drives import (
+    CellDof,
     SineSignal,
     StressDof,
     TiltedGravityTable,
@@ -16,7 +17,7 @@ from multicor_cli.scenario.drives import (
 from multicor_cli.scenario.particles import CompactedPacking, DepositedPacking, TilePacking
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list
 from multicor_cli.scenario.settings import Domain
-from multicor_cli.scenario.stage_drives import KeptComponent, resolve_cell
+from multicor_cli.scenario.stage_drives import resolve_cell
 from multicor_cli.scenario.stages import (
     CellStrainEnd,
     Stage,
@@ -137,12 +138,14 @@ def _holds_its_grains(domain: Domain, tables: PartialScenario) -> Iterator[Refus
             yield Refused(path, what, remedy)
 
 
-def _strains(path: KeyPath, stage: Stage, cell: dict[str, KeptComponent]) -> Iterator[Refused]:
+def _strains(
+    path: KeyPath, stage: Stage, cell: dict[str, tuple[CellDof, int]]
+) -> Iterator[Refused]:
     """What a stage waits for may come: a component that does not move is not strained."""
     _, end = _end_of(stage.until)
     if not isinstance(end, CellStrainEnd):
         return
-    path, name, dof = (*path, "until", "strain"), end.cell, cell[end.cell].dof
+    path, name, dof = (*path, "until", "strain"), end.cell, cell[end.cell][0]
     if not moves(dof):
         remedy = f"strain it, as cell = {{ {name} = {{ rate = 1.0 }} }}"
         yield Refused(path, f"the rate of {name} is 0 in this stage", remedy)

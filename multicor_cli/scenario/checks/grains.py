@@ -116,18 +116,23 @@ def _check_sizes(
             place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Refused((*path, "sizes"), what, "give radii and lengths in meters")
-    elif domain.is_periodic and min(domain.periods) < LEAST_DIAMETERS * diameter:
-        what = (
-            f"the period {min(domain.periods):g} m is less than four of the largest diameters, "
-            f"{diameter:g} m"
-        )
-        yield Refused((*path, "sizes"), what, "widen the domain or use smaller grains")
+    elif fault := fault_of_period(domain, diameter):
+        yield fault.within(*path, "sizes")
     elif group.count is not None:
         filled = 1.0 if group.outline is None else group.outline.filled
         least_area = group.count * filled * math.pi * sizes.smallest * sizes.smallest
         if least_area > region.area().size:
             what = f"{group.count} grains cover more than the {region}"
             yield Refused((*path, "count"), what, "lower count, or enlarge region")
+
+
+def fault_of_period(domain: Domain, diameter: float) -> Refused | None:
+    """What is wrong with a period for grains of this largest diameter [m]."""
+    period = min(domain.periods, default=math.inf)
+    if period >= LEAST_DIAMETERS * diameter:
+        return None
+    what = f"the period {period:g} m is less than four of the largest diameters, {diameter:g} m"
+    return Refused((), what, "widen the domain or use smaller grains")
 
 
 def _check_tile(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from multicor_cli.scenario.checks.grains import double_names
 from multicor_cli.scenario.drives import (
+    Dof,
     LoadDof,
     TiltedGravityTable,
     is_prescribed,
@@ -14,7 +15,7 @@ from multicor_cli.scenario.drives import (
     moves,
 )
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
-from multicor_cli.scenario.stage_drives import DOF_NAMES, WallDofs, resolve_dofs
+from multicor_cli.scenario.stage_drives import DOF_NAMES, resolve_dofs
 from multicor_cli.scenario.stages import (
     Stage,
     StrainEnd,
@@ -171,18 +172,21 @@ def check_ends(tables: PartialScenario) -> Iterator[Refused]:
         return  # one is wrong, a name is double, or there are to be none
     for k, (stage, dofs) in enumerate(zip(stages, resolve_dofs(stages, [*walls]), strict=True)):
         if set(walls_of(stage.until).values()) <= walls.keys():
-            path, driven = ("loading", k, "until"), dict(zip(walls, dofs, strict=True))
-            yield from _check_end(path, stage, walls, driven)
+            yield from _check_end(("loading", k, "until"), stage, walls, dofs)
+
+
+Dofs = Mapping[tuple[str, str], tuple[Dof, int]]
+"""What drives each wall in each way, and since which stage."""
 
 
 def _check_end(
-    path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]
+    path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: Dofs
 ) -> Iterator[Refused]:
     until = stage.until
     if isinstance(until, UntilStrain) and isinstance(until.strain, StrainEnd):
         path, (lower, upper) = (*path, "strain"), until.strain.walls
         yield from _check_pair(path, (lower, upper), "x", "y", walls, dofs)
-        drives = [dofs[name][0].dof for name in (lower, upper)]
+        drives = [dofs[name, "x"][0] for name in (lower, upper)]
         stalls = any(map(moves, drives)) and not any(map(keeps_moving, drives))
         if stage.duration is None and stalls:
             what = f"'{lower}' and '{upper}' come to a stop, so that the stage may never end"
@@ -192,7 +196,7 @@ def _check_end(
         yield from _check_pair(path, end.walls, end.axis, end.axis, walls, dofs)
     elif isinstance(until, UntilDisplacement):
         wall, axis = until.displacement.wall, until.displacement.axis
-        if not moves(dofs[wall][DOF_NAMES.index(axis)].dof):
+        if not moves(dofs[wall, axis][0]):
             doing = "turn" if axis == "spin" else f"move in {axis}"
             remedy = f"drive it, as drives.{wall}.{axis} = {{ velocity = 0.1 }}"
             what = f"'{wall}' does not {doing} in this stage"
@@ -205,7 +209,7 @@ def _check_pair(
     moved: str,
     apart: str,
     walls: dict[str, Wall],
-    dofs: dict[str, WallDofs],
+    dofs: Dofs,
 ) -> Iterator[Refused]:
     """Two walls that move relative to each other along one axis and lie apart along another."""
     lower, upper = pair
@@ -217,7 +221,7 @@ def _check_pair(
         both = f"'{lower}' and '{upper}' both lie at y = {height:g}"
         what = f"{both}: there is no strain between them"
         yield Refused((*path, "walls"), what, "name two walls at different heights")
-    drives = [dofs[name][DOF_NAMES.index(moved)].dof for name in pair]
+    drives = [dofs[name, moved][0] for name in pair]
     if not any(map(moves, drives)) or (drives[0] == drives[1] and is_prescribed(drives[0])):
         what = (
             f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"

@@ -7,7 +7,7 @@ from shapes import rod, shaped_engine, shaped_model
 
 from multicor_cli import check_scenario
 from multicor_cli.checks import Verdict
-from multicor_cli.checks.impacts import _matrices, largest_gain
+from multicor_cli.checks.outlines import _matrices, largest_gain
 
 NAME = "energy made in impacts"
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from run_fakes import in_pieces
+from run_fakes import in_pieces, scales_of_drives
 from scenarios import digests
 from scenes import ONE, WARM, changed
 
@@ -25,7 +25,6 @@ from multicor_cli.packing import build
 from multicor_cli.packing.materials import stage_laws
 from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import foresee_steps
-from multicor_cli.running.time_step import find_scales
 from multicor_cli.scenario import parse_scenario
 
 MASSES = changed(
@@ -204,11 +203,11 @@ def test_the_time_step_resolves_vibrations_and_springs():
     scenario = one(changed(moving(), ("dt = 1e-3", 'dt = "auto"')))
     model = build(scenario)[0]
     drives = scenario.drives(model.walls.names)[0].started([0.0])
-    scales = find_scales(scenario, model, drives)
+    scales = scales_of_drives(scenario, model, drives)
     assert scales.period == pytest.approx(1.0 / 7.0)
     assert 1.0 / scales.strain == pytest.approx((14.0 * math.pi * 1e-3 + 0.02 / 0.7) / 0.1)
     hung = WallDrive(y=DofDrive(spring=Spring(4e4, Constant(0.0))))
-    stiff = find_scales(scenario, model, [drives[0], hung, drives[2]])
+    stiff = scales_of_drives(scenario, model, [drives[0], hung, drives[2]])
     assert stiff.period == pytest.approx(2.0 * math.pi * math.sqrt(0.1 / 4e4))
     assert make_plan(scenario, model).stages[0].dt <= 0.02 / 7.0
 

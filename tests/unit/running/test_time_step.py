@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from places import ROOT
-from run_fakes import in_pieces
+from run_fakes import in_pieces, scales_of_drives
 from scenarios import digests, toml
 from scenes import SHEAR
 
@@ -25,7 +25,6 @@ from multicor_cli.running.time_step import (
     Scales,
     automatic_step,
     fastest,
-    find_scales,
     review_steps,
     scales_of_stage,
 )
@@ -48,7 +47,7 @@ def scales_of():
 
     def scales_of(**drives):
         all_drives = [drives.get(name, WallDrive()) for name in model.walls.names]
-        return find_scales(scenario, model, all_drives)
+        return scales_of_drives(scenario, model, all_drives)
 
     scales_of.scenario, scales_of.model = scenario, model
     return scales_of
@@ -108,7 +107,7 @@ def test_a_layer_on_a_slope_sets_the_rate_at_which_its_friction_is_the_slope(
     changes = [f"variables.angle={slope}", f"domain.periodic={str(is_periodic).lower()}"]
     scenario = multicor.load_scenario(ROOT / "configs" / "chute.toml", overrides=changes)
     model, _ = build(scenario)
-    scales = find_scales(scenario, model, [WallDrive()] * model.wall_count)
+    scales = scales_of_drives(scenario, model, [WallDrive()] * model.wall_count)
     rate = number / scales.pressure if is_periodic else 0.0
     assert 1.0 / scales.strain == pytest.approx(rate, rel=0.02)
     if rate:
@@ -123,7 +122,7 @@ def test_adhesion_sets_the_time_in_which_it_crosses_its_range(reach):
     scenario, model, plan = planned(f"contacts.1.adhesion={given}")
     mass = model.grains.mass.mean()
     expected = math.sqrt(2.0 * mass * (reach or 0.01 * model.mean_diameter) / force)
-    scales = find_scales(scenario, model, plan.stages[0].drives.started([0.0] * 9))
+    scales = scales_of_drives(scenario, model, plan.stages[0].drives.started([0.0] * 9))
     assert scales.adhesion == pytest.approx(expected)
     review = review_steps(scenario, model, plan)[0]
     assert review.of_adhesion == pytest.approx(plan.stages[0].dt / expected)
@@ -138,7 +137,7 @@ def test_the_layer_that_flows_down_in_a_drum_sets_its_own_rate(gravity, speed):
     overrides = [f"domain.gravity=[0.0, {-gravity}]"]
     scenario = multicor.load_scenario(ROOT / "configs" / "drum.toml", overrides=overrides)
     model, _ = build(scenario)
-    scales = find_scales(scenario, model, [moving(spin=Constant(speed))])
+    scales = scales_of_drives(scenario, model, [moving(spin=Constant(speed))])
     flows = speed > 0.0 < gravity
     rate = 0.5 * math.sqrt(gravity / model.mean_diameter) if flows else speed
     assert 1.0 / scales.strain == pytest.approx(rate)
@@ -158,7 +157,7 @@ def test_a_bed_that_is_shaken_has_a_rate_of_its_own(axis, way, speed):
         scenario = multicor.load_scenario(ROOT / "configs" / "hopper.toml", overrides=overrides)
         model, _ = build(scenario)
         drives = [WallDrive(**{axis: DofDrive(**way)}), *[WallDrive()] * (model.wall_count - 1)]
-        scales = find_scales(scenario, model, drives)
+        scales = scales_of_drives(scenario, model, drives)
         shaken = scales.strained_by == "a bed that is shaken"
         assert shaken == (is_thrown and speed > 0.0)
         if shaken:
@@ -172,7 +171,7 @@ def test_an_explicit_time_step_is_kept_and_reviewed():
     assert {stage.dt for stage in plan.stages if not stage.is_frozen} == {1e-4}
     for stage, review in zip(plan.stages, review_steps(scenario, model, plan), strict=True):
         assert not review.is_automatic
-        scales = find_scales(scenario, model, stage.drives.started([0.0] * 9))
+        scales = scales_of_drives(scenario, model, stage.drives.started([0.0] * 9))
         assert review.of_pressure == pytest.approx(1e-4 / scales.pressure)
         assert "√(m̄/P)" in review.text()
 
@@ -180,7 +179,7 @@ def test_an_explicit_time_step_is_kept_and_reviewed():
 def test_the_automatic_step_is_within_all_limits_and_frames_come_on_time():
     scenario, model, plan = planned()
     for stage, review in zip(plan.stages, review_steps(scenario, model, plan), strict=True):
-        scales = find_scales(scenario, model, stage.drives.started([0.0] * 9))
+        scales = scales_of_drives(scenario, model, stage.drives.started([0.0] * 9))
         assert stage.dt <= scales.limit * (1.0 + 1e-12)
         assert stage.dt >= 0.5 * min(scales.limit, scenario.output.frame_interval)
         assert stage.frame_every * stage.dt == pytest.approx(
@@ -243,7 +242,7 @@ def test_friction_between_grains_shortens_the_step():
     for friction, largest in (("0.7", 0.7), (table, 0.6)):
         scenario, model, _ = planned(f"contacts.0.friction={friction}")
         still = [WallDrive()] * model.wall_count
-        assert find_scales(scenario, model, still).friction == largest
+        assert scales_of_drives(scenario, model, still).friction == largest
 
 
 def test_a_stage_under_way_keeps_its_step():

@@ -6,14 +6,9 @@ import tomllib
 import pytest
 from places import ROOT
 
-from multicor_cli.scenario import (
-    TEMPLATES,
-    new_scenario,
-    parse_scenario,
-    scenario_schema,
-)
-from multicor_cli.scenario.tables import ScenarioModel
-from multicor_cli.scenario.templates import COOKBOOK, template_table
+from multicor_cli.scenario import parse_scenario
+from multicor_cli.scenario.tables import ScenarioModel, scenario_schema
+from multicor_cli.scenario.templates import COOKBOOK, TEMPLATES, new_scenario, template_table
 
 SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
 

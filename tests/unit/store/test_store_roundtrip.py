@@ -86,7 +86,7 @@ def check_row(series, row, state, model):
     for name, value in zip(BOOK_NAMES, state.books, strict=True):
         assert series[name][row] == value
     rows = schema.select(schema.SERIES, schema.features_of(model))
-    assert list(series) == list(schema.names(rows))
+    assert list(series) == [row.name for row in rows]
     for name, column in zip(series, columns_of(rows, Snapshot(state, model)).values(), strict=True):
         np.testing.assert_array_equal(series[name][row], column[0])
 
@@ -490,8 +490,8 @@ def test_info_of_a_run_that_has_just_begun(tmp_path):
 
 def test_table_of_checkpoints_covers_the_state():
     state = start(make_model())
-    assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
-    assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= set(schema.names(schema.SERIES))
+    assert [row.name for row in schema.CHECKPOINT] == list(state.as_dict())
+    assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= {row.name for row in schema.SERIES}
     written = {row for row in schema.RESULTS_TABLE if row.value is None}
     assert written == {*schema.SCENARIO, *schema.OFFSETS}
 

@@ -1,4 +1,9 @@
-"""Every dataset in one row: where its values come from, and where they go."""
+"""The tables of every dataset in the files of a run, one row each.
+
+A row says what a dataset is, where its values come from, and what shows it; writers, readers and
+exports follow the tables. Rows that only some runs have name the feature of the run that they
+belong to; a run with that feature has all of them, a run without it none (`select`).
+"""
 
 from __future__ import annotations
 
@@ -29,7 +34,6 @@ from multicor_cli.model.books import (
     Shape,
     Stored,
     Version,
-    entry_counts,
     measures_first,
     stored_fields,
 )
@@ -175,39 +179,6 @@ def features_of(model: Model) -> frozenset[Feature]:
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
-
-def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
-    """Last parts of the paths of a table, in order."""
-    return tuple(row.name for row in table)
-
-
-def markdown(table: tuple[Dataset, ...]) -> str:
-    """A table of the format documents: path, type, shape, unit, meaning, since (and feature)."""
-    symbols = _DIM_SYMBOL | {dim: str(count) for dim, count in entry_counts().items()}
-    lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
-    for row in table:
-        shape = ", ".join(symbols[d] if isinstance(d, str) else str(d) for d in row.dims)
-        since = ".".join(map(str, row.since)) + (f", {row.only_with}" if row.only_with else "")
-        meaning = row.meaning.replace("|", "\\|")
-        lines.append(
-            f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |"
-        )
-    return "\n".join(lines)
-
-
-_DIM_SYMBOL: dict[str, str] = {
-    "one": "1", "frame": "K", "frame_edge": "K+1", "particle_row": "P", "contact_row": "C",
-    "rolling_row": "C°", "near_row": "C⁺", "series_row": "S", "grain": "n", "shape": "m",
-    "wall": "w", "material": "k", "group": "g", "stage": "L", "table_edge": "T+1", "table_row": "R",
-    "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
-    "origin_row": "w°", "surface_row": "w°", "ahead_row": "w°", "before_row": "B", "outlet": "o",
-    "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
-    "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
-    "flux_book": "F°",
-    "expansion_grain": "n†", "expansion_book": "G†", "point_row": "C‡",
-    "near_point_row": "C‡", "late_row": "C′", "grain_edge": "n+1",
-    "piece": "p", "piece_edge": "p+1", "corner": "v",
-}  # fmt: skip
 
 # ---- What is written once: the model and the scenario of a run
 
@@ -640,3 +611,22 @@ SERIES: tuple[Dataset, ...] = (
         ("outlet", 2), ("grains", "mass"), only_with="exchange", since=(1, 2)),
 )  # fmt: skip
 """One row per point of the time series, which has its own, denser cadence than the frames."""
+
+# ---- Tables of whole files
+
+SEGMENT_TABLE = FRAME_TABLE + SERIES
+
+RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
+
+DATASETS = {row.path: row for row in RESULTS_TABLE}
+"""By path."""
+
+CHECKPOINT = tuple(
+    Dataset.of(about, f"state/{name}", finite=False, only_with=None)
+    for name, about in stored_fields(State).items()
+)
+"""Everything in a checkpoint: the fields of `State`; those of heat are empty in runs without."""
+
+FORMAT_VERSION = max(row.since for row in RESULTS_TABLE + CHECKPOINT)
+"""Major and minor version of the file format, in which the newest dataset appeared. A reader
+refuses another major version and ignores unknown datasets."""
