@@ -23,27 +23,15 @@ from multicor_cli.engine.contact.contacts import (
     vary_friction,
     warm_rows,
 )
-from multicor_cli.engine.contact.faces import (
-    account_faces,
-    begin_faces,
-)
+from multicor_cli.engine.contact.faces import account_faces, begin_faces
 from multicor_cli.engine.contact.flight import leave_flights_out
 from multicor_cli.engine.contact.impacts import are_contacts
 from multicor_cli.engine.contact.rolling import begin_rolling
 from multicor_cli.engine.contact.selection import AHEAD, LASTS
 from multicor_cli.engine.contact.solve import ResidualScale
-from multicor_cli.engine.contact.system import (
-    OrderedSystem,
-    assemble,
-    begin_grains,
-    pack_bodies,
-)
+from multicor_cli.engine.contact.system import OrderedSystem, assemble, begin_grains, pack_bodies
 from multicor_cli.engine.contact.vector_step import SUMS, VIRIAL
-from multicor_cli.engine.energy.account import (
-    ContactSums,
-    account_contacts,
-    account_grains,
-)
+from multicor_cli.engine.energy.account import ContactSums, account_contacts, account_grains
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.pieces import Pieces
 from multicor_cli.engine.geometry.scene import Scene

@@ -370,10 +370,8 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 
 
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
-_OF_GRAINS, _OF_WALLS = (
-    _fields("f8", "heat_grain", "grain", "cell_grain", "expansion_grain"),
-    _fields("f8", "wall", "heat_wall", "origin_row", "surface_row", "ahead_row"),
-)
+_OF_GRAINS = _fields("f8", "heat_grain", "grain", "cell_grain", "expansion_grain")
+_OF_WALLS = _fields("f8", "wall", "heat_wall", "origin_row", "surface_row", "ahead_row")
 _CALLED = {"generated": "the heat generated", "nonaffine": "the displacement beside the mean flow"}
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 

@@ -551,10 +551,7 @@ def _fill_block(
         block_pair[q, side, lane] = 4 * pair[g, side]
     for row in range(8):
         block[q, row, lane] = frame[g, row]
-    block[q, A_N, lane], block[q, A_T, lane] = (
-        lever[g, FIRST, NORMAL],
-        lever[g, FIRST, TANGENTIAL],
-    )
+    block[q, A_N, lane], block[q, A_T, lane] = lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL]
     block[q, B_N, lane], block[q, B_T, lane] = (
         lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL],
     )  # fmt: skip

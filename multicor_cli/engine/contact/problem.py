@@ -109,10 +109,8 @@ class ContactProblem:
         (nx, ny), levers = self.normal.T, np.empty((len(self.pair), 2, 2))
         for side in (FIRST, SECOND):
             lx, ly = self.lever[:, side].T
-            levers[:, side, NORMAL], levers[:, side, TANGENTIAL] = (
-                lx * ny - ly * nx,
-                lx * nx + ly * ny,
-            )
+            levers[:, side, NORMAL] = lx * ny - ly * nx
+            levers[:, side, TANGENTIAL] = lx * nx + ly * ny
         return levers
 
     def delassus(self) -> Floats:
@@ -274,10 +272,8 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     if not movable.any() or (arm[movable] <= 0.0).any() or (inverse[movable, X] == 0.0).any():
         return None
     expected = np.zeros_like(lever)
-    expected[:, FIRST, TANGENTIAL], expected[:, SECOND, TANGENTIAL] = (
-        -arm[problem.pair[:, FIRST]],
-        arm[problem.pair[:, SECOND]],
-    )
+    expected[:, FIRST, TANGENTIAL] = -arm[problem.pair[:, FIRST]]
+    expected[:, SECOND, TANGENTIAL] = arm[problem.pair[:, SECOND]]
     fixed_j = ~movable[problem.pair[:, SECOND]]
     relevant = np.ones_like(lever, bool)
     relevant[fixed_j, SECOND] = False

@@ -136,14 +136,10 @@ def pack_couples(
     is_wall, effective = j >= scene.radius.size, rolling["arm"]
     body, arm = np.empty((contact.size, 2), np.int32), np.empty((contact.size, 2))
     body[:, FIRST], arm[:, FIRST] = place[i], effective / scene.radius[i]
-    body[~is_wall, SECOND], arm[~is_wall, SECOND] = (
-        place[j[~is_wall]],
-        effective[~is_wall] / scene.radius[j[~is_wall]],
-    )
-    body[is_wall, SECOND], arm[is_wall, SECOND] = (
-        scene.radius.size + scene.wall[j[is_wall] - scene.radius.size],
-        effective[is_wall],
-    )
+    body[~is_wall, SECOND] = place[j[~is_wall]]
+    arm[~is_wall, SECOND] = effective[~is_wall] / scene.radius[j[~is_wall]]
+    body[is_wall, SECOND] = scene.radius.size + scene.wall[j[is_wall] - scene.radius.size]
+    arm[is_wall, SECOND] = effective[is_wall]
     spins = inverse[body, SPIN]
     mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (
         arm[:, SECOND] * arm[:, SECOND]

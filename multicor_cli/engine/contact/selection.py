@@ -495,13 +495,9 @@ class Selection:
         self.contacts["key"][rows] = -1
 
     def schedule(
-        self,
-        scene: Scene,
-        wall_is_free: NDArray[np.bool_],
-        laws: ContactLaws,
-        bodies: Floats,
+        self, scene: Scene, wall_is_free: NDArray[np.bool_], laws: ContactLaws, bodies: Floats,
         state: State,
-    ) -> Schedule:
+    ) -> Schedule:  # fmt: skip
         """Order and places of the contacts, which hold the impulses of the last step.
 
         The lanes know them unless ``state`` has another array of impulses than it was given.

@@ -219,12 +219,9 @@ class Outcome(NamedTuple):
 
 
 def solve_system(
-    system: System,
-    scale: ResidualScale,
-    settings: Settings,
-    pace: ThreadChoice,
+    system: System, scale: ResidualScale, settings: Settings, pace: ThreadChoice,
     should_stop: Callable[[], bool] | None = None,
-) -> Outcome:
+) -> Outcome:  # fmt: skip
     """Sweep until the three tolerances are met or the cap is reached.
 
     Velocities match impulses at first; both are **modified**. ``pace`` decides between one thread

@@ -300,18 +300,10 @@ def relax_moving_lane(
     q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
-    xi, yi, si, mi = (
-        velocity[i],
-        velocity[i + Y_],
-        velocity[i + SURFACE_],
-        velocity[i + INVERSE_MASS_],
-    )
-    xj, yj, sj, mj = (
-        velocity[j],
-        velocity[j + Y_],
-        velocity[j + SURFACE_],
-        velocity[j + INVERSE_MASS_],
-    )
+    xi, yi = velocity[i], velocity[i + Y_]
+    si, mi = velocity[i + SURFACE_], velocity[i + INVERSE_MASS_]
+    xj, yj = velocity[j], velocity[j + Y_]
+    sj, mj = velocity[j + SURFACE_], velocity[j + INVERSE_MASS_]
     dx, dy = xi - xj + more_x, yi - yj + more_y
     u_n = dx * nx + dy * ny + frame[f + BIAS_]
     u_t = dy * nx - dx * ny - (si + sj)
@@ -330,16 +322,10 @@ def relax_moving_lane(
     px = d_n * nx - d_t * ny
     py = d_n * ny + d_t * nx
     spin = beta * d_t
-    velocity[i], velocity[i + Y_], velocity[i + SURFACE_] = (
-        xi + mi * px,
-        yi + mi * py,
-        si - mi * spin,
-    )
-    velocity[j], velocity[j + Y_], velocity[j + SURFACE_] = (
-        xj - mj * px,
-        yj - mj * py,
-        sj - mj * spin,
-    )
+    velocity[i], velocity[i + Y_] = xi + mi * px, yi + mi * py
+    velocity[i + SURFACE_] = si - mi * spin
+    velocity[j], velocity[j + Y_] = xj - mj * px, yj - mj * py
+    velocity[j + SURFACE_] = sj - mj * spin
     w = mi + mj
     c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
     onward = c_n * (new_n - now_n) + c_t * (new_t - now_t)
@@ -530,12 +516,8 @@ def sweep(
     theirs). Results on several threads (``parallel``), which relax the tiles of one color, are the
     same. ``partial`` is work space, shape ``(tiles, 2)``.
     """
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
+    velocity, pair = s.velocity.reshape(-1), s.pair.reshape(-1)
+    frame, impulse = s.frame.reshape(-1), s.impulse.reshape(-1)
     last, start, beta = before.impulse.reshape(-1), s.tile_start, s.spin_factor
     branch = s.cell.branch.reshape(-1)
     gradient, inverse = s.velocity[s.cell.row], s.inverse[s.cell.row]

@@ -91,18 +91,12 @@ def batch(contacts: OneByOne, velocity: Floats) -> Batches:
     slot, start = make_batches(contacts.pair, np.array([0, len(contacts.pair)]), bodies)
     has = slot.reshape(-1) >= 0
     rows = slot.reshape(-1)[has]
-    pair, frame, impulse = (
-        np.empty((has.size, 2), np.int32),
-        np.zeros((has.size, 5)),
-        np.zeros((has.size, 2)),
-    )
+    pair = np.empty((has.size, 2), np.int32)
+    frame, impulse = np.zeros((has.size, 5)), np.zeros((has.size, 2))
     pair[:] = bodies, bodies + 1  # of the lanes without contact: nothing moves them
     frame[:, MASS] = 1.0
-    pair[has], frame[has], impulse[has] = (
-        contacts.pair[rows],
-        contacts.frame[rows],
-        contacts.impulse[rows],
-    )
+    pair[has], frame[has] = contacts.pair[rows], contacts.frame[rows]
+    impulse[has] = contacts.impulse[rows]
     full = aligned((bodies + 2, 4))
     full[:bodies], full[bodies:] = velocity, 0.0
     return Batches(full, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start)
@@ -247,10 +241,8 @@ def pack_general(
         impulse[g, NORMAL], impulse[g, TANGENTIAL] = contact.p_n, contact.p_t
         # Grains add −s to u_t; walls −Ω (l_x n_y − l_y n_x) to u_n, −Ω (l_x n_x + l_y n_y) to u_t
         lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
-        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = (
-            lx * ny - ly * nx,
-            lx * nx + ly * ny,
-        )
+        lever[g, SECOND, NORMAL] = lx * ny - ly * nx
+        lever[g, SECOND, TANGENTIAL] = lx * nx + ly * ny
         w_nn, w_nt, w_tt = 0.0, 0.0, 0.0
         for side in range(2):
             m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
@@ -277,21 +269,15 @@ def unpack_bodies(velocity: Floats, place: Ints, belt: Floats, walls: int) -> Fl
 
 @kernel
 def unpack_walls(
-    walls: Ints,
-    general: Ints,
-    lane: Ints,
-    impulse: Floats,
-    general_impulse: Floats,
+    walls: Ints, general: Ints, lane: Ints, impulse: Floats, general_impulse: Floats,
     contacts: Contacts,
-) -> None:
+) -> None:  # fmt: skip
     """Impulses of contacts with walls into the table, **modified**; arrays of `Schedule`."""
     for k in range(walls.size):
         c = walls[k]
         q, column = lane[c] // LANES, lane[c] % LANES
-        contacts[c].p_n, contacts[c].p_t = (
-            impulse[q, NORMAL, column],
-            impulse[q, TANGENTIAL, column],
-        )
+        contacts[c].p_n = impulse[q, NORMAL, column]
+        contacts[c].p_t = impulse[q, TANGENTIAL, column]
     for g in range(general.size):
         contacts[general[g]].p_n = general_impulse[g, NORMAL]
         contacts[general[g]].p_t = general_impulse[g, TANGENTIAL]

@@ -204,10 +204,8 @@ class _Sweep:
         normal, tangential, extrapolation = way
         one, spin = code.number(1.0), code.spread(beta)
         self.beta, self.one_plus_beta = spin, one + spin
-        self.normal, self.tangential = (
-            code.spread(normal),
-            code.spread(tangential) * (one / self.one_plus_beta),
-        )
+        self.normal = code.spread(normal)
+        self.tangential = code.spread(tangential) * (one / self.one_plus_beta)
         self.extrapolation = code.spread(extrapolation)
         self.sums = code.keep([code.number(0.0)] * 2)
 

@@ -339,13 +339,9 @@ def _close(books: Floats, brought: float, steps: int) -> None:
 
 @subroutine
 def _tally(
-    tallies: Floats,
-    window: Floats,
-    sums: Floats,
-    correction: Correction,
-    outcome: Outcome,
+    tallies: Floats, window: Floats, sums: Floats, correction: Correction, outcome: Outcome,
     dt: float,
-) -> None:
+) -> None:  # fmt: skip
     failed = 0.0 if outcome.converged else 1.0
     tallies[_SWEEPS] += outcome.sweeps
     tallies[_UNCONVERGED] += failed

@@ -125,14 +125,8 @@ def _compare_with_fit(
     row: int, out: Floats,
 ) -> None:  # fmt: skip
     """Write the largest square of a deviation from the fit, and the largest components."""
-    a_x, a_y, xx, xy, yx, yy = (
-        fit[AT_ORIGIN, X],
-        fit[AT_ORIGIN, Y],
-        fit[PER_X, X],
-        fit[PER_X, Y],
-        fit[PER_Y, X],
-        fit[PER_Y, Y],
-    )
+    a_x, a_y = fit[AT_ORIGIN, X], fit[AT_ORIGIN, Y]
+    xx, xy, yx, yy = fit[PER_X, X], fit[PER_X, Y], fit[PER_Y, X], fit[PER_Y, Y]
     deviation, largest_u, largest_v = 0.0, 0.0, 0.0
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
@@ -142,11 +136,8 @@ def _compare_with_fit(
         deviation = max(deviation, du * du + dv * dv)
         largest_u = max(largest_u, abs(u))
         largest_v = max(largest_v, abs(v))
-    out[row, _DEVIATION], out[row, _LARGEST_U], out[row, _LARGEST_V] = (
-        deviation,
-        largest_u,
-        largest_v,
-    )
+    out[row, _DEVIATION] = deviation
+    out[row, _LARGEST_U], out[row, _LARGEST_V] = largest_u, largest_v
 
 
 @formula
@@ -156,10 +147,8 @@ def _least_squares(count: int, sums: Floats, box: Box, fit: Floats) -> None:
     # A little more on the diagonal: places may lie on one line. Any fit is good for a bound.
     more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
     more = more if more > 0.0 else 1.0
-    xx, yy = (
-        sums[0, _SUM_XX] - count * mean_x * mean_x + more,
-        sums[0, _SUM_YY] - count * mean_y * mean_y + more,
-    )
+    xx = sums[0, _SUM_XX] - count * mean_x * mean_x + more
+    yy = sums[0, _SUM_YY] - count * mean_y * mean_y + more
     xy = 0.0 if is_periodic else sums[0, _SUM_XY] - count * mean_x * mean_y
     for d in range(2):
         total = sums[0, _SUM_U + d]
@@ -313,11 +302,8 @@ def cutoff_of_velocities(
         for k in range(count):
             w = scene.wall[k]
             spin = velocity[w, SPIN]
-            vectors[k, X], vectors[k, Y], turn[k] = (
-                velocity[w, X],
-                velocity[w, Y],
-                abs(spin) * extent[w],
-            )
+            vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
+            turn[k] = abs(spin) * extent[w]
             if scene.kind[k] == _DISC:
                 vectors[k, X] -= spin * (scene.world[k, Y] - scene.wall_position[w, Y])
                 vectors[k, Y] += spin * (scene.world[k, X] - scene.wall_position[w, X])

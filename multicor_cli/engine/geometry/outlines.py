@@ -131,12 +131,8 @@ def _facing(corner: Floats, one: Core, other: Core, ox: float, oy: float) -> flo
         ahead = corner[e, NORMAL_X] * ox + corner[e, NORMAL_Y] * oy
         if ahead > most:
             most, edge = ahead, e
-    px, py, nx, ny = (
-        corner[edge, X],
-        corner[edge, Y],
-        corner[edge, NORMAL_X],
-        corner[edge, NORMAL_Y],
-    )
+    px, py = corner[edge, X], corner[edge, Y]
+    nx, ny = corner[edge, NORMAL_X], corner[edge, NORMAL_Y]
     for v in range(other.first, other.last):
         height = min(height, nx * (ox + corner[v, X] - px) + ny * (oy + corner[v, Y] - py))
     return height

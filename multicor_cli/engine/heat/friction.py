@@ -33,18 +33,7 @@ from multicor_cli.engine.jit.arrays import CHUNK, column_totals
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import (
-    FRICTION,
-    IMPACT,
-    MU,
-    NORMAL,
-    NX,
-    NY,
-    SPIN,
-    TANGENTIAL,
-    X,
-    Y,
-)
+from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, SPIN, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.

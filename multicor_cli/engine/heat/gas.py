@@ -145,12 +145,9 @@ def parallel_between(
 
 @formula
 def batchelor_conductance(
-    gas_conductivity: float,
-    solid_conductivity: float,
-    effective_radius: float,
-    spot: float,
+    gas_conductivity: float, solid_conductivity: float, effective_radius: float, spot: float,
     gap: float,
-) -> float:
+) -> float:  # fmt: skip
     """What the gas adds to the conductance 2λ_s s of the spot, after Batchelor & O'Brien [W/K].
 
     With κ = λ_s/λ_f the total is ``2π a* λ_f (ln κ² + f)``:

@@ -34,14 +34,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from multicor_cli.arithmetic import cbrt
-from multicor_cli.engine.heat.rates import (
-    Flow,
-    Network,
-    Rates,
-    rates_at,
-    solve_linear,
-    try_euler,
-)
+from multicor_cli.engine.heat.rates import Flow, Network, Rates, rates_at, solve_linear, try_euler
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.engine.orders import stop_if_asked
 from multicor_cli.model.model import Floats

@@ -219,13 +219,9 @@ def _describe_lost(lost: NDArray[np.int64], state: State) -> str:
 
 
 def _let_out(
-    rules: InflowRules,
-    number: int,
-    outlet: Outlet,
-    model: Model,
-    state: State,
+    rules: InflowRules, number: int, outlet: Outlet, model: Model, state: State,
     keep: Callable[[], None],
-) -> None:
+) -> None:  # fmt: skip
     here = np.flatnonzero(state.presence == Presence.THERE)
     leaving = here[outlet.region.holds(state.position[here])]
     if not leaving.size:

@@ -76,13 +76,9 @@ def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int, known: float) 
 
 @kernel
 def mark_overlaps(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    tolerance: float,
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, tolerance: float,
     marked: NDArray[np.bool_],
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Mark grains of pairs that overlap by more than ``tolerance``, over the smaller radius.
 
     Returns the largest overlap of these, and of all others (or 0).
@@ -101,11 +97,7 @@ def mark_overlaps(
 
 @kernel
 def mark_again(
-    scene: Scene,
-    pieces: Pieces | None,
-    around: Around,
-    tolerance: float,
-    marked: NDArray[np.bool_],
+    scene: Scene, pieces: Pieces | None, around: Around, tolerance: float, marked: NDArray[np.bool_]
 ) -> tuple[float, float]:
     """As `mark_overlaps`, of all listed pairs of grains that are ``marked``: they have moved."""
     above, below = 0.0, 0.0
@@ -132,13 +124,9 @@ def mark_again(
 
 @kernel
 def surround(
-    scene: Scene,
-    pieces: Pieces | None,
-    around: Around,
-    near: float,
-    rings: int,
+    scene: Scene, pieces: Pieces | None, around: Around, near: float, rings: int,
     marked: NDArray[np.bool_],
-) -> int:
+) -> int:  # fmt: skip
     """Mark the grains around marked ones too, over gaps up to ``near`` [m], in some rings.
 
     Returns how many are marked.
@@ -216,17 +204,9 @@ def _opening(
 
 @kernel
 def push_pairs(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    around: Around,
-    mass: Floats,
-    inertia: Floats,
-    target: float,
-    allowed: float,
-    marked: NDArray[np.bool_],
-) -> tuple[float, float]:
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, around: Around, mass: Floats,
+    inertia: Floats, target: float, allowed: float, marked: NDArray[np.bool_],
+) -> tuple[float, float]:  # fmt: skip
     """Push pairs that overlap by more than ``allowed`` back to ``target``, and whom that pushes.
 
     One after the other, as masses and moments of inertia say, walls held, until none is left or too
@@ -291,20 +271,10 @@ class Correction(NamedTuple):
 
 @kernel
 def push_apart(
-    scene: Scene,
-    pieces: Pieces | None,
-    local: Floats,
-    i: Ints,
-    j: Ints,
-    around: Around,
-    mass: Floats,
-    inertia: Floats,
-    wall_inverse: Floats,
-    near: float,
-    below: float,
-    rings: int,
+    scene: Scene, pieces: Pieces | None, local: Floats, i: Ints, j: Ints, around: Around,
+    mass: Floats, inertia: Floats, wall_inverse: Floats, near: float, below: float, rings: int,
     marked: NDArray[np.bool_],
-) -> tuple[float, float, float, int]:
+) -> tuple[float, float, float, int]:  # fmt: skip
     """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
     The pairs (i, j) are those that may at first, all others overlap by ``below`` at most;
@@ -372,19 +342,10 @@ def reach_of(overlap: float, model: Model) -> float:
 
 
 def correct_positions(
-    scene: Scene,
-    pieces: Pieces | None,
-    model: Model,
-    gravity: Floats,
-    motion: WallMotion,
-    lists: NeighborList,
-    i: Ints,
-    j: Ints,
-    near: float,
-    below: float,
-    marked: NDArray[np.bool_],
+    scene: Scene, pieces: Pieces | None, model: Model, gravity: Floats, motion: WallMotion,
+    lists: NeighborList, i: Ints, j: Ints, near: float, below: float, marked: NDArray[np.bool_],
     step: int,
-) -> Correction:
+) -> Correction:  # fmt: skip
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
@@ -433,13 +394,9 @@ def _worst_pair(
 
 
 def _name_overlap(
-    scene: Scene,
-    pieces: Pieces | None,
-    model: Model,
-    lists: NeighborList,
-    marked: NDArray[np.bool_],
-    overlap: float,
-) -> str:
+    scene: Scene, pieces: Pieces | None, model: Model, lists: NeighborList,
+    marked: NDArray[np.bool_], overlap: float,
+) -> str:  # fmt: skip
     i, j = _worst_pair(scene, pieces, lists.row, lists.partner, marked)
     n = model.grain_count
     why = "too many grains between prescribed walls?"
