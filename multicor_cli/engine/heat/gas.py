@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,10 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import log
 from multicor_cli.engine.geometry.radii import effective_radius, other_radius, pair_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, PairTransfer
+from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism, NearPairs, PairTransfer
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats, Ints, Model
-
-if TYPE_CHECKING:
-    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 GasModel = Literal["parallel", "batchelor", "vargas"]
 

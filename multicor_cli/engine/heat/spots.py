@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -163,10 +163,6 @@ class Touching:
             else corners_of_discs(scene, pieces, i, j)
         )
         return cls(i, j, *laws_of_pairs(scene, i, j, laws), rough, corners)
-
-    def at(self, points: FacePoints) -> Touching:
-        """The same with the points of a moment."""
-        return replace(self, points=points)
 
     def places(self, scene: Scene) -> Places:
         """Places of the contacts at a moment."""
