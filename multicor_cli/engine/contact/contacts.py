@@ -71,7 +71,8 @@ CONTACT = np.dtype(
                 ("ny", "f8"),
                 ("bias", "f8"),  # b [m/s]
                 ("mu", "f8"),  # friction μ
-                # Of faces (`engine/contact/faces.py`): what spins of i and j add to u_n and u_t
+                # Of faces (`engine/contact/faces.py`), and of walls that loads move: what spins of
+                # i and j add to u_n and u_t
                 ("turn_in", "f8"),
                 ("turn_it", "f8"),
                 ("turn_jn", "f8"),
@@ -283,7 +284,7 @@ def _refresh(
 
 
 @formula
-def _speed(c: int, scene: Scene, start: Floats, contacts: Contacts) -> float:
+def _speed(c: int, start: Floats, contacts: Contacts) -> float:
     """How fast a grain moves past the surface of a wall, its spin left out [m/s].
 
     (Without friction spins never end, also where everything rests.)
@@ -314,7 +315,7 @@ def begin_walls(
         squares += u * u
         closing += 1.0 if u < 0.0 else 0.0
         if contact.p_n > 0.0 or u < 0.0:
-            motion += _speed(c, scene, start, contacts)
+            motion += _speed(c, start, contacts)
             met += 1.0
     return Speeds(squares, closing, 0.0, 0.0, motion, met)
 

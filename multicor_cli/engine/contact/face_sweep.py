@@ -77,6 +77,15 @@ class FaceBatches(NamedTuple):
     first: int
 
 
+@formula
+def fill_inverse(q: int, lane: int, g: int, frame: Floats, is_there: bool, block: Floats) -> None:
+    """W⁻¹ of the general contact g into a lane of ``block``, **modified**; else 0."""
+    w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
+    over = 1.0 / (w_nn * w_tt - w_nt * w_nt) if is_there else 0.0
+    block[q, I_NN, lane], block[q, I_NT, lane] = w_tt * over, -w_nt * over
+    block[q, I_TT, lane] = w_nn * over
+
+
 # ---- One lane: what the loops compute
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.complementarity import find_solution
-from multicor_cli.engine.contact.face_sweep import I_NN, I_NT, I_TT, FaceBatches
+from multicor_cli.engine.contact.face_sweep import FaceBatches, fill_inverse
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
 from multicor_cli.engine.contact.rolling import couple_square, couple_velocity, push_couple
 from multicor_cli.engine.contact.sweep import (
@@ -54,9 +54,6 @@ from multicor_cli.model.columns import (
     SECOND,
     SPIN,
     TANGENTIAL,
-    W_NN,
-    W_NT,
-    W_TT,
     XX,
     YY,
     X,
@@ -486,11 +483,7 @@ def _hold_points(
         if g < faces.first:
             continue
         q, lane = (g - faces.first) // LANES, (g - faces.first) % LANES
-        w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
-        over = 0.0 if is_held else 1.0 / (w_nn * w_tt - w_nt * w_nt)
-        faces.block[q, I_NN, lane] = w_tt * over
-        faces.block[q, I_NT, lane] = -w_nt * over
-        faces.block[q, I_TT, lane] = w_nn * over
+        fill_inverse(q, lane, g, frame, not is_held, faces.block)
 
 
 @kernel

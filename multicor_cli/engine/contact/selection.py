@@ -109,11 +109,9 @@ def closing_velocity(
 
     No two points of such a pair approach faster, whatever its normal.
     """
-    if pieces is None:
-        return normal_velocity(scene, velocity, i, j, nx, ny, gap)
-    if not are_faces(pieces, i, j):
-        return normal_velocity(scene, velocity, i, j, nx, ny, gap)
-    return -fastest_points(scene, pieces, velocity, i, j)
+    if pieces is not None and are_faces(pieces, i, j):
+        return -fastest_points(scene, pieces, velocity, i, j)
+    return normal_velocity(scene, velocity, i, j, nx, ny, gap)
 
 
 @kernel
@@ -190,14 +188,13 @@ def beside_gap(
     scene: Scene, pieces: Pieces | None, i: int, j: int, cutoff: float
 ) -> tuple[float, float, float]:
     """Gap and normal of a pair, the true gap of grains that are no discs and nearer than that."""
-    if pieces is None:
-        return pair_geometry(scene, i, j)
-    if not are_faces(pieces, i, j):
-        return pair_geometry(scene, i, j)
-    apart = circle_gap(scene, i, j)
-    if apart < cutoff:
-        return true_gap(scene, pieces, i, j)
-    return (apart, 0.0, 1.0) if j < scene.radius.size else pair_geometry(scene, i, j)
+    if pieces is not None and are_faces(pieces, i, j):
+        apart = circle_gap(scene, i, j)
+        if apart < cutoff:
+            return true_gap(scene, pieces, i, j)
+        if j < scene.radius.size:
+            return apart, 0.0, 1.0
+    return pair_geometry(scene, i, j)
 
 
 @parallel_kernel

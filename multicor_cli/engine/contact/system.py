@@ -16,6 +16,7 @@ from multicor_cli.engine.contact.faces import (
     batch_points,
     blocks_for,
     pack_faces,
+    pack_row,
     unpack_points,
 )
 from multicor_cli.engine.contact.impacts import Impacts
@@ -39,13 +40,9 @@ from multicor_cli.model.columns import (
     NY,
     RADIUS,
     SECOND,
-    SLIDE,
     SPIN,
     SURFACE,
     TANGENTIAL,
-    W_NN,
-    W_NT,
-    W_TT,
     X,
     Y,
 )
@@ -228,28 +225,16 @@ def pack_general(
     """Rows of the contacts with walls that have a free degree of freedom, as in `System`.
 
     ``general`` are these contacts, ``inverse`` as in `System`, ``belt`` as in `OrderedSystem`.
-    **Modifies** bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)``, impulses ``(g, 2)``.
+    **Modifies** bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)``, impulses ``(g, 2)``,
+    and the turns in ``contacts``.
     """
-    n = scene.radius.size
     for g in range(general.size):
         contact = contacts[general[g]]
-        wall = scene.wall[contact.j - n]
         nx, ny, lx, ly = contact.nx, contact.ny, contact.lever_x, contact.lever_y
-        pair[g, FIRST], pair[g, SECOND] = place[contact.i], n + wall
-        frame[g, NX], frame[g, NY] = nx, ny
-        frame[g, BIAS], frame[g, MU], frame[g, SLIDE] = contact.bias, contact.mu, belt[wall]
-        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contact.p_n, contact.p_t
         # Grains add −s to u_t; walls −Ω (l_x n_y − l_y n_x) to u_n, −Ω (l_x n_x + l_y n_y) to u_t
-        lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
-        lever[g, SECOND, NORMAL] = lx * ny - ly * nx
-        lever[g, SECOND, TANGENTIAL] = lx * nx + ly * ny
-        w_nn, w_nt, w_tt = 0.0, 0.0, 0.0
-        for side in range(2):
-            m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
-            w_nn += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
-            w_nt += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
-            w_tt += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
-        frame[g, W_NN], frame[g, W_NT], frame[g, W_TT] = w_nn, w_nt, w_tt
+        contact.turn_in, contact.turn_it = 0.0, -1.0
+        contact.turn_jn, contact.turn_jt = lx * ny - ly * nx, lx * nx + ly * ny
+        pack_row(g, general[g], scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
 
 
 @parallel_kernel

@@ -43,6 +43,7 @@ _PAIR, _FRAME, _IMPULSE, _BRANCH = (
     np.uint64(LANES * rows) for rows in (PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS, BRANCH_ROWS)
 )
 
+# From the first row of a block, or the first element of a body, to another
 Y_, SURFACE_, INVERSE_MASS_ = np.uint64(Y), np.uint64(SURFACE), np.uint64(INVERSE_MASS)
 NY_, MASS_, BIAS_, MU_ = (np.uint64(LANES * column) for column in (NY, MASS, BIAS, MU))
 SECOND_, TANGENTIAL_ = np.uint64(LANES * SECOND), np.uint64(LANES * TANGENTIAL)
@@ -50,8 +51,6 @@ BRANCH_Y_ = np.uint64(LANES * Y)
 
 LATE = 2
 """Batches after which the next sees what one has done to the gradient of a cell."""
-
-"""From the first row of a block, or the first element of a body, to another."""
 
 
 @formula
@@ -315,13 +314,13 @@ class ResidualSums:
     """What `measure_scalar` returns, over the batches of a loop."""
 
     def __init__(self, code: Writer) -> None:
-        self._code, self._one = code, code.number(1.0)
-        self._sums = code.keep([code.number(0.0)] * 5)
+        self._code, self._zero, self._one = code, code.number(0.0), code.number(1.0)
+        self._sums = code.keep([self._zero] * 5)
 
     def add(self, p_n: Vector, p_t: Vector, c_n: Vector, c_t: Vector, square: Vector) -> None:
         """Add a batch with these impulses, corrections and their squares."""
         squares, normal, tangential, largest, active = self._sums.get()
-        is_active = p_n.larger(square).where_positive(self._one)
+        is_active = p_n.larger(square).where(">", self._zero, self._one, self._zero)
         self._sums.put(
             [
                 squares + square,

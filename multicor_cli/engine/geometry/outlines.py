@@ -514,9 +514,7 @@ def gap_at_least(scene: Scene, pieces: Pieces, i: int, j: int) -> float:
 @inlined
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
-    if pieces is None:
-        return pair_geometry(scene, i, j)
-    if not are_faces(pieces, i, j):
-        return pair_geometry(scene, i, j)
-    nearest = nearest_point(scene, pieces, i, j)
-    return nearest.gap, nearest.nx, nearest.ny
+    if pieces is not None and are_faces(pieces, i, j):
+        nearest = nearest_point(scene, pieces, i, j)
+        return nearest.gap, nearest.nx, nearest.ny
+    return pair_geometry(scene, i, j)

@@ -362,7 +362,7 @@ def _is_line(scene: Scene, j: int) -> bool:
 
 
 @subroutine
-def _may_join(c: int, k: int, scene: Scene, i: Ints, j: Ints, points: FacePoints) -> bool:
+def _may_join(c: int, k: int, scene: Scene, j: Ints, points: FacePoints) -> bool:
     """Whether two points of a grain are of the same piece, and of another, or of lines of walls."""
     count = scene.radius.size
     if points.of_i[c] != points.of_i[k] or (j[c] < count) != (j[k] < count):
@@ -461,7 +461,7 @@ def _join_points(
             continue
         k = c + 1
         while k < i.size and i[k] == i[c]:
-            if key[k] >= 0 and points.head[k] == k and _may_join(c, k, scene, i, j, points):
+            if key[k] >= 0 and points.head[k] == k and _may_join(c, k, scene, j, points):
                 _join(c, k, scene, pieces, corners, j, points)
             k += 1
 

@@ -257,9 +257,7 @@ def _to_shape(scene: Scene, i: int, shape: int) -> tuple[float, float]:
 
 
 @subroutine
-def _facing_line(
-    pieces: Pieces, scene: Scene, i: int, a: int, shape: int, ox: float, oy: float
-) -> Point:
+def _facing_line(pieces: Pieces, scene: Scene, a: int, shape: int, ox: float, oy: float) -> Point:
     """The point of a piece that is nearest to the line of a wall, wherever this ends.
 
     Its normal leads to the side of the line on which the piece is.
@@ -308,7 +306,7 @@ def _film(
         )  # fmt: skip
     is_line = kind in (_PLANE, _SEGMENT, _SIDE)
     if is_line:
-        point = _facing_line(pieces, scene, i, a, shape, ox, oy)
+        point = _facing_line(pieces, scene, a, shape, ox, oy)
     else:
         point = touch_pieces(pieces, scene, i, a, j, b)[0]
     if not point.gap <= gas.reach * smaller_radius(scene, i, j):
