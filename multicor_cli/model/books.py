@@ -38,22 +38,9 @@ DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types: ``float`` is f8 or f4 after ``output.precision``, ``str`` UTF-8 of fixed length."""
 
 Feature = Literal[
-    "heat",
-    "softening",
-    "adhesion",
-    "rolling",
-    "exchange",
-    "surface",
-    "groups",
-    "motion",
-    "range",
-    "cell",
-    "gradient",
-    "flux",
-    "flash",
-    "expansion",
-    "outlines",
-]
+    "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion", "range",
+    "cell", "gradient", "flux", "flash", "expansion", "outlines",
+]  # fmt: skip
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
 motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean

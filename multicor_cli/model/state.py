@@ -410,11 +410,8 @@ def find_misfit(state: State, model: Model) -> str | None:
     wrong = _find_wrong_pairs(state, model)
     if wrong is not None:
         return wrong
-    for name in ("tile", "near_late"):
-        if (getattr(state, name) < 0).any():
-            return f"{name} is negative"
-    for name in _COUNTS:
-        if getattr(state, name) < 0:
+    for name in ("tile", "near_late", *_COUNTS):
+        if (np.asarray(getattr(state, name)) < 0).any():
             return f"{name} is negative"
     if state.presence.max(initial=0) > max(Presence):
         return "presence holds a number that means nothing"

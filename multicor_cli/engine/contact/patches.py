@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.complementarity import find_solution
 from multicor_cli.engine.contact.face_sweep import FaceBatches, fill_inverse
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
-from multicor_cli.engine.contact.rolling import couple_square, couple_velocity, push_couple
+from multicor_cli.engine.contact.rolling import couple_correction, couple_velocity, push_couple
 from multicor_cli.engine.contact.sweep import (
     System,
     general_velocity,
@@ -120,9 +120,8 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
         else:
             square[k], _, _, active[k] = measure_general(k - lanes, s)
     for r in range(s.couples.impulse.size):
-        square[_contact_of(r, s)] += couple_square(
-            r, s.couples, s.velocity, impulse, s.general_impulse
-        )
+        off = couple_correction(r, s.couples, s.velocity, impulse, s.general_impulse)
+        square[_contact_of(r, s)] += off * off
     return active, square
 
 

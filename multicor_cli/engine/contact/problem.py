@@ -187,18 +187,11 @@ def solve_contacts(
         violation = violation[violation < 0.0]
         reference_velocity = math.sqrt(mean(violation * violation)) if violation.size else 0.0
     movable = problem.inverse_mass[:, X] > 0.0
-    energy = (
-        0.5
-        * total(1.0 / problem.inverse_mass[movable, X])
-        * (reference_velocity * reference_velocity)
-    )
+    energy = 0.5 * total(1.0 / problem.inverse_mass[movable, X])
+    energy *= reference_velocity * reference_velocity
     add_impulses(system)
-    outcome = solve_system(
-        system,
-        ResidualScale(reference_velocity, reference_velocity, energy),
-        settings,
-        ThreadChoice(),
-    )
+    scale = ResidualScale(reference_velocity, reference_velocity, energy)
+    outcome = solve_system(system, scale, settings, ThreadChoice())
     velocity = system.velocity[: len(problem.velocity), :INVERSE_MASS].copy()
     if arm is not None:
         spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)
@@ -216,21 +209,12 @@ def solve_contacts(
 
 def free_velocity(problem: ContactProblem) -> Floats:
     """u_n and u_t of the free velocities [m/s], shape ``(c, 2)``."""
-    vi, vj = problem.velocity[problem.pair[:, FIRST]], problem.velocity[problem.pair[:, SECOND]]
     (nx, ny), lever = problem.normal.T, problem.levers()
-    dx, dy = vi[:, X] - vj[:, X], vi[:, Y] - vj[:, Y]
-    u_n = (
-        dx * nx
-        + dy * ny
-        + vi[:, SPIN] * lever[:, FIRST, NORMAL]
-        - vj[:, SPIN] * lever[:, SECOND, NORMAL]
-    )
-    u_t = (
-        dy * nx
-        - dx * ny
-        + vi[:, SPIN] * lever[:, FIRST, TANGENTIAL]
-        - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
-    )
+    vi, vj = (problem.velocity[problem.pair[:, side]] for side in (FIRST, SECOND))
+    (i_n, i_t), (j_n, j_t) = lever[:, FIRST].T, lever[:, SECOND].T
+    (dx, dy), spin_i, spin_j = (vi - vj)[:, :SPIN].T, vi[:, SPIN], vj[:, SPIN]
+    u_n = dx * nx + dy * ny + spin_i * i_n - spin_j * j_n
+    u_t = dy * nx - dx * ny + spin_i * i_t - spin_j * j_t
     return np.column_stack([u_n, u_t - problem.slide])
 
 

@@ -225,22 +225,13 @@ def relax_couples(
 
 
 @loop_body
-def _correction(
+def couple_correction(
     k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
 ) -> float:
     """Velocity correction e_r of one couple [m/s], arguments as `relax_couples`."""
     p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
     u_r = couple_velocity(k, couples, velocity)
     return (solve_rolling(p_r, u_r, couples.inverse[k], bound) - p_r) / couples.inverse[k]
-
-
-@loop_body
-def couple_square(
-    k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
-) -> float:
-    """Square of e_r of one couple [m²/s²], arguments as `relax_couples`."""
-    correction = _correction(k, couples, velocity, impulse, general_impulse)
-    return correction * correction
 
 
 @loop_body
@@ -255,7 +246,7 @@ def measure_couples(
     squares, largest, power, active = 0.0, 0.0, 0.0, 0.0
     for k in range(couples.impulse.size):
         p_r = couples.impulse[k]
-        correction = _correction(k, couples, velocity, impulse, general_impulse)
+        correction = couple_correction(k, couples, velocity, impulse, general_impulse)
         squares += correction * correction
         largest = max(largest, correction * correction)
         power += p_r * correction

@@ -611,20 +611,12 @@ class Selection:
         """As `find_closing`, of all pairs; the list is complete up to ``cutoff`` and ``reach``."""
         return find_closing(scene, pieces, *self.beside, start, end, cutoff, dt, reach)
 
-    def overlap_beside(self, scene: Scene, pieces: Pieces | None) -> float:
-        """Largest overlap at the end of a step of pairs that are no contacts, over the radius.
-
-        They did not close within the step: on a straight way a gap between discs is convex, so they
-        are apart. Pieces of walls may turn or curve.
-        """
-        return deepest_overlap(scene, pieces, *self._walls_beside)
-
     def deep_pairs(self, least: float) -> tuple[Ints, Ints, float]:
         """As `deep_pairs` of a step of discs with walls, by what its lanes have been told."""
         lanes = self.lanes
         return deep_pairs(lanes.depth, lanes.slot, lanes.of_walls, self.i, self.j, least)
 
     def with_walls(self) -> tuple[Ints, Ints]:
-        """The contacts, and the pairs of `overlap_beside`."""
+        """The contacts, and `walls_beside` as the step has looked at them."""
         i, j = self._walls_beside
         return np.concatenate([self.pair_i, i]), np.concatenate([self.pair_j, j])

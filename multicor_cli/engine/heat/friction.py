@@ -84,14 +84,9 @@ def effusivity(k: float, rho: float, c: float) -> float:
     return sqrt(k * rho * c)
 
 
-def effusivity_share(e_i: float, e_j: float) -> float:
-    """Share of body i ``e_i/(e_i + e_j)`` from the effusivities (Charron 1943)."""
-    return e_i / (e_i + e_j)
-
-
-def conductivity_share(k_i: float, k_j: float) -> float:
-    """Share of body i ``λ_i/(λ_i + λ_j)`` from the conductivities (Jaeger 1942, steady)."""
-    return k_i / (k_i + k_j)
+def first_share(first: float, second: float) -> float:
+    """Share of body i ``e_i/(e_i + e_j)`` from the effusivities (Charron), or as well from λ."""
+    return first / (first + second)
 
 
 def electrothermal_share(
@@ -107,12 +102,12 @@ def electrothermal_share(
 def _by_effusivity(
     k_i: float, rho_i: float, c_i: float, k_j: float, rho_j: float, c_j: float
 ) -> float:
-    return effusivity_share(effusivity(k_i, rho_i, c_i), effusivity(k_j, rho_j, c_j))
+    return first_share(effusivity(k_i, rho_i, c_i), effusivity(k_j, rho_j, c_j))
 
 
 SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
     "effusivity": (_by_effusivity, ("conductivity", "density", "heat_capacity")),
-    "conductivity": (conductivity_share, ("conductivity",)),
+    "conductivity": (first_share, ("conductivity",)),
     "half": (lambda: 0.5, ()),
     "electrothermal": (electrothermal_share, ("conductivity", "resistivity")),
 }

@@ -121,7 +121,7 @@ def integrate(
         CannotIntegrate: If a temperature would fall below absolute zero, or no sub-step is short
             enough.
     """
-    flow = Flow.empty(capacity.size, walls.count)
+    flow = Flow.empty(capacity.size, len(walls.conditions))
     flow.next_step = first
     power = source / dt
     longest = min(EULER * choices.tolerance, 0.5 * choices.sub_step)

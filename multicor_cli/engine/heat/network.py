@@ -20,7 +20,7 @@ from multicor_cli.engine.heat.hertz import biot_number
 from multicor_cli.engine.heat.mechanism import HeatLaws, NearPairs, Rows
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.spots import Spots, look_up, look_up_largest, resting_contacts
+from multicor_cli.engine.heat.spots import Spots, look_up, resting_contacts
 from multicor_cli.engine.heat.views import Hulls, gaps_of_outlines, views_of_outlines
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.jit.compile import kernel
@@ -253,16 +253,14 @@ def near_links(
     laws, area, touching = settings.laws, np.empty(0), spots.touching
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, touching.i)
-    conductance, spot = np.empty(i.size), np.empty(i.size)
-    look_up(row, touching.j, spots.conductance, i, j, conductance)
-    look_up_largest(row, touching.j, spots.radius, i, j, spot)
+    conductance = look_up(row, touching.j, spots.conductance, i, j, False)
+    spot = look_up(row, touching.j, spots.radius, i, j, True)
     place, share = find_places(scene, i, j)
     spot = np.where(share > 0.0, largest_of_places(place, spot), 0.0)
     outlines, of_gas = None, share
     if outlined is not None and touching.points is not None:
-        of_sides = np.empty(i.size)
         sides = np.where(touching.points.is_side, spots.conductance, 0.0)
-        look_up(row, touching.j, sides, i, j, of_sides)
+        of_sides = look_up(row, touching.j, sides, i, j, False)
         is_rough = settings.conduction == "rough"
         outlines = NearOutlines.of(scene, outlined, i, j, gap, of_sides, is_rough=is_rough)
         of_gas = np.where(outlines.is_of_discs(), share, 1.0)  # each piece of a wall has its own

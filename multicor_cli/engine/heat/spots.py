@@ -68,29 +68,18 @@ def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats
 
 @kernel
 def look_up(
-    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
-) -> None:
-    """Sums of values of pairs in a table sorted by (i, j) into ``found``, ``(c,)``; 0 without any.
+    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, is_largest: bool
+) -> Floats:
+    """Sums of values of pairs in a table sorted by (i, j), or their largest; 0 without any.
 
     ``row`` is the first row of each grain in the table, shape ``(n + 1,)``.
     """
+    found = np.zeros(i.size)
     for c in range(i.size):
-        found[c] = 0.0
         for k in range(row[i[c]], row[i[c] + 1]):
             if known_j[k] == j[c]:
-                found[c] += values[k]
-
-
-@kernel
-def look_up_largest(
-    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
-) -> None:
-    """As `look_up`, the largest of the values, at least 0."""
-    for c in range(i.size):
-        found[c] = 0.0
-        for k in range(row[i[c]], row[i[c] + 1]):
-            if known_j[k] == j[c]:
-                found[c] = max(found[c], values[k])
+                found[c] = max(found[c], values[k]) if is_largest else found[c] + values[k]
+    return found
 
 
 @kernel

@@ -5,26 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
-
-
-@dataclass(frozen=True)
-class Rectangle:
-    """A rectangle between two corners [m], sides included; sides may be infinite."""
-
-    low: tuple[float, float]
-    high: tuple[float, float]
-
-    def holds(self, position: Floats) -> NDArray[np.bool_]:
-        """Which of the points, shape ``(k, ≥ 2)``, lie in it, shape ``(k,)``."""
-        x, y = position[:, X], position[:, Y]
-        return np.asarray(
-            (x >= self.low[X]) & (x <= self.high[X]) & (y >= self.low[Y]) & (y <= self.high[Y])
-        )
+from multicor_cli.model.shapes import Rectangle
 
 
 @dataclass(frozen=True)

@@ -193,7 +193,7 @@ def test_view_factor_is_the_crossed_strings():
 def test_rough_contact_nearly_doubles_the_resistance():
     radius, sigma, slope, hardness = spot(1.0), sqrt(2.0) * 1e-6, sqrt(2.0) * 0.1, 3e9
     pressure = peak_pressure(1.0)
-    macro = hertz.macro_resistance(radius, CONDUCTIVITY)
+    macro = 1.0 / hertz.hertz_conductance(CONDUCTIVITY, radius)
     micro = hertz.micro_resistance(radius, pressure, CONDUCTIVITY, sigma, slope, hardness)
     assert macro == digits(1907.21)
     assert micro == digits(1538.03)
@@ -228,8 +228,8 @@ def test_friction_partition_and_wear():
         friction.effusivity(200.0, 2700.0, 900.0),
     )
     assert (steel, aluminum) == (digits(7500.0), digits(22045.4))
-    assert friction.effusivity_share(steel, aluminum) == digits(0.253847)
-    assert friction.conductivity_share(15.0, 200.0) == digits(0.0697674)
+    assert friction.first_share(steel, aluminum) == digits(0.253847)
+    assert friction.first_share(15.0, 200.0) == digits(0.0697674)
     assert friction.electrothermal_share(15.0, 7.2e-7, 200.0, 2.8e-8) == digits(0.516167)
     assert friction.archard_volume(1e-4 / 2e9, 1.0 * 100.0) == pytest.approx(5e-12, rel=1e-14)
 

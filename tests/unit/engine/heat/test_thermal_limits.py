@@ -24,7 +24,7 @@ def test_limits_of_hertz_contacts():
         1e11 / (2.0 * 0.91), rel=1e-15
     )
     assert hertz.harmonic_mean(15.0, 15.0) == 15.0
-    assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
+    assert friction.first_share(3.0, 3.0) == 0.5
     assert friction.electrothermal_share(5.0, 2.0, 5.0, 2.0) == 0.5
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
     assert radii.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
@@ -338,7 +338,6 @@ SAMPLES = {
     "hertz.pressed_length": (0.2, 1.0),
     "hertz.joint_coefficient": (1e6, 15.0, 1e-6, 0.1, 3e9),
     "hertz.side_conductance": (3.0, 3e-6, 2e-4, 15.0, 1e-6, 0.1, 3e9),
-    "hertz.macro_resistance": (1.7e-5, 15.0),
     "hertz.micro_resistance": (1.7e-5, 1.5e9, 15.0, 1e-6, 0.1, 3e9),
     "hertz.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
     "friction.archard_volume": (1e-14, 100.0),
