@@ -226,7 +226,7 @@ def _prepare(
     if pieces is not None:
         unpack_points(_NOBODY, np.empty((0, 2)), contacts)
         begin_faces(
-            scene, pieces, model.laws, bodies, bodies, 1.0, 1.0, 1.0, 1.0, NO_FACES, 0,
+            scene, pieces, model.laws, bodies, bodies, 1.0, 1.0, 1.0, 1.0, NO_FACES,
             np.zeros(0, np.bool_), contacts,
         )  # fmt: skip
     begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.of_walls, contacts)

@@ -171,7 +171,7 @@ class StepContacts:
             assert step.pieces is not None
             faces, lacking, beyond = begin_faces(
                 scene, step.pieces, laws, start, layout.free, dt, ratio, least, LASTS * dt,
-                selection.faces, selection.faces.most, stopped, contacts,
+                selection.faces, stopped, contacts,
             )  # fmt: skip
         opening = None
         if step.growth is not None:

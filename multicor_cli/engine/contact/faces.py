@@ -95,11 +95,6 @@ class FacePairs(NamedTuple):
         count = int(ends[-1]) if ends.size else 0
         return np.repeat(self.first - ends + self.room, self.room) + np.arange(count)
 
-    @property
-    def most(self) -> int:
-        """Largest room of a pair."""
-        return int(self.room.max(initial=0))
-
 
 STEEP = 0.95
 """μ |W_nt|/W_nn from which on a point is relaxed by itself (`engine/contact/face_sweep.py`)."""
@@ -223,19 +218,22 @@ def _fastest_of(
 @kernel
 def begin_faces(
     scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, free: Floats, dt: float,
-    ratio: float, least: float, ahead: float, faces: FacePairs, most: int,
-    stopped: NDArray[np.bool_], contacts: Contacts,
+    ratio: float, least: float, ahead: float, faces: FacePairs, stopped: NDArray[np.bool_],
+    contacts: Contacts,
 ) -> tuple[Speeds, float, Floats]:  # fmt: skip
     """Find the points of pairs that may close, with impulses of those known before.
 
-    Arguments as `begin_walls`; ``most`` is the largest room of a pair. Points count up to a gap of
-    ``least`` [m], up to what the pair closes within the time ``ahead`` [s] with its velocities
-    ``start`` or ``free``, and up to what it may close once it is struck. A point that is new takes
-    the impulse of one of its pair that is no more. Points of grains that are ``stopped``, shape
-    ``(n,)``, do not rebound (`stop_rebounds`). **Modifies** ``contacts``. Also returns the gap up
-    to which there should have been room [m], 0 if there was room for all, and the smallest gap of
-    each pair that did not count, shape ``(f,)``.
+    Arguments as `begin_walls`. Points count up to a gap of ``least`` [m], up to what the pair
+    closes within the time ``ahead`` [s] with its velocities ``start`` or ``free``, and up to what
+    it may close once it is struck. A point that is new takes the impulse of one of its pair that is
+    no more. Points of grains that are ``stopped``, shape ``(n,)``, do not rebound
+    (`stop_rebounds`). **Modifies** ``contacts``. Also returns the gap up to which there should have
+    been room [m], 0 if there was room for all, and the smallest gap of each pair that did not
+    count, shape ``(f,)``.
     """
+    most = 0
+    for room in faces.room:
+        most = max(most, room)
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, shear, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     lacking, beyond = 0.0, np.empty(faces.first.size)

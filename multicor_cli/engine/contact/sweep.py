@@ -352,19 +352,6 @@ def relax_scalar(
     return sum_lanes(squares), sum_lanes(onward)
 
 
-@loop_body
-def _relax_exact_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
-    before: Floats, beta: float,
-    normal: float, tangential: float, extrapolation: float,
-) -> tuple[float, float]:  # fmt: skip
-    way = Relaxation(normal, tangential, extrapolation)
-    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, EXACT, way)
-
-
-_relax_exact = relax_batches if HAS_VECTORS else _relax_exact_scalar
-
-
 @formula
 def stretch_of(
     branch: Floats, lane: np.uint64, xx: float, yy: float, xy: float
@@ -412,21 +399,6 @@ def relax_stretched_scalar(
     return sum_lanes(squares), sum_lanes(onward)
 
 
-@loop_body
-def _relax_exact_stretched_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
-    before: Floats, beta: float, normal: float, tangential: float, extrapolation: float,
-    branch: Floats, own: Floats,
-) -> tuple[float, float]:  # fmt: skip
-    way = Relaxation(normal, tangential, extrapolation)
-    return relax_stretched_scalar(
-        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, own
-    )
-
-
-_relax_exact_stretched = relax_stretched_batches if HAS_VECTORS else _relax_exact_stretched_scalar
-
-
 @kernel
 def _relax_stretched(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
@@ -435,8 +407,8 @@ def _relax_stretched(
 ) -> tuple[float, float]:  # fmt: skip
     """Relax a tile of a cell; arguments as `begin_gradient` and `relax_stretched_scalar`."""
     begin_gradient(gradient, inverse, tiles, own)
-    if local == EXACT:
-        return _relax_exact_stretched(
+    if HAS_VECTORS and local == EXACT:
+        return relax_stretched_batches(  # type: ignore[no-any-return]
             first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
             way.extrapolation, branch, own,
         )  # fmt: skip
@@ -451,12 +423,12 @@ def _relax_range(
     before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> tuple[float, float]:  # fmt: skip
-    if local == EXACT:
-        return _relax_exact(
+    if HAS_VECTORS and local == EXACT:
+        return relax_batches(  # type: ignore[no-any-return]
             first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
             way.extrapolation
         )  # fmt: skip
-    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, BIPOTENTIAL, way)
+    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, local, way)
 
 
 @threaded_loop

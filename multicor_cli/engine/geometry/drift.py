@@ -73,10 +73,6 @@ class Drift(NamedTuple):
     is_whole: bool
 
 
-NOTHING = np.empty((0, 2))
-"""No origin: the vectors themselves are split."""
-
-
 @formula
 def _vector(i: int, vectors: Floats, origin: Floats, box: Box) -> tuple[float, float]:
     """A vector itself, or its difference from ``origin``, nearest image."""
@@ -174,8 +170,8 @@ def _fold(rows: Floats, is_maximum: bool) -> None:
 def fit_drift(vectors: Floats, position: Floats, box: Box, origin: Floats) -> Drift:
     """Split vectors into an affine field, fitted by least squares, and a rest.
 
-    ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it is
-    not `NOTHING`. With a period in x the field does not depend on x; in a cell it is that by which
+    ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it
+    has rows. With a period in x the field does not depend on x; in a cell it is that by which
     the cell changes, and no other would be that of all images.
     """
     count = position.shape[0]
@@ -287,7 +283,6 @@ def cutoff_of_velocities(
     """
     period, height, tilt = scene.period, scene.height, scene.tilt
     # Velocities of grains in a cell are those beside its mean flow
-    # (`NOTHING`, which nobody may write to, would be another kind of array)
     nothing, box = np.empty((0, 2)), Box(period, height, tilt, 0.0, 0.0, 0.0)
     drift = fit_drift(bodies, scene.position, box, nothing)
     largest = drift.largest + more
