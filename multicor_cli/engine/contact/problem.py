@@ -12,7 +12,7 @@ from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
-from multicor_cli.engine.contact.system import Batches, OneByOne, batch, by_slot
+from multicor_cli.engine.contact.system import OneByOne, by_slot, one_tile
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model.columns import (
@@ -226,21 +226,9 @@ def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     velocity = np.zeros((len(problem.velocity), 4))
     velocity[:, :INVERSE_MASS] = problem.velocity
     nothing = OneByOne(np.empty((0, 2), np.int32), np.empty((0, 5)), np.empty((0, 2)))
-    return _system(
-        batch(nothing, velocity), problem.inverse_mass.copy(), problem.pair.astype(np.int32), frame,
-        problem.levers(), impulse, 1.0,
-    )  # fmt: skip
-
-
-def _system(
-    diagonal: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
-    spin_factor: float,
-) -> System:  # fmt: skip
-    count = int(np.count_nonzero(diagonal.slot >= 0)) + len(pair)
-    return System(
-        diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
-        diagonal.tile_start,
-        np.array([0, 1]), pair, frame, lever, impulse, spin_factor, count,
+    return one_tile(nothing, velocity, problem.inverse_mass.copy(), 1.0)._replace(
+        general_pair=problem.pair.astype(np.int32), general_frame=frame,
+        general_lever=problem.levers(), general_impulse=impulse, contacts=len(problem.pair),
     )  # fmt: skip
 
 
@@ -289,13 +277,8 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
         velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS]
     )
     frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
-    diagonal = batch(OneByOne(pair, frame, impulse), velocity)
-    nothing = np.empty((0, 2), np.int32)
-    system = _system(
-        diagonal, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)),
-        np.empty((0, 2)), float(beta[0]),
-    )  # fmt: skip
-    return system, arm
+    rows = OneByOne(pair, frame, impulse)
+    return one_tile(rows, velocity, np.zeros((bodies, 3)), float(beta[0])), arm
 
 
 def problem_of_step(

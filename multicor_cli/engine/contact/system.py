@@ -20,7 +20,7 @@ from multicor_cli.engine.contact.faces import (
     unpack_points,
 )
 from multicor_cli.engine.contact.impacts import Impacts
-from multicor_cli.engine.contact.ordering import Schedule, make_batches
+from multicor_cli.engine.contact.ordering import Schedule, make_batches, rows_of_general
 from multicor_cli.engine.contact.rolling import couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
 from multicor_cli.engine.contact.vector_step import begin_lanes
@@ -60,17 +60,6 @@ class OneByOne(NamedTuple):
     impulse: Floats
 
 
-class Batches(NamedTuple):
-    """The part of a `System` that diagonal contacts take; fields as there."""
-
-    velocity: Floats
-    slot: Ints
-    pair: Ints
-    frame: Floats
-    impulse: Floats
-    tile_start: NDArray[np.int64]
-
-
 def flatten(system: System) -> OneByOne:
     """The diagonal contacts, copied, in an order of which their batches make the same sweep."""
     has = system.slot.reshape(-1) >= 0
@@ -82,8 +71,8 @@ def flatten(system: System) -> OneByOne:
     )
 
 
-def batch(contacts: OneByOne, velocity: Floats) -> Batches:
-    """Contacts, in the order of the sweep, as batches of one tile; ``slot`` names their rows."""
+def one_tile(contacts: OneByOne, velocity: Floats, inverse: Floats, spin_factor: float) -> System:
+    """Contacts, in the order of the sweep, as a system of one tile; ``slot`` names their rows."""
     bodies = velocity.shape[0]
     slot, start = make_batches(contacts.pair, np.array([0, len(contacts.pair)]), bodies)
     has = slot.reshape(-1) >= 0
@@ -96,7 +85,10 @@ def batch(contacts: OneByOne, velocity: Floats) -> Batches:
     impulse[has] = contacts.impulse[rows]
     full = aligned((bodies + 2, 4))
     full[:bodies], full[bodies:] = velocity, 0.0
-    return Batches(full, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start)
+    return System(
+        full, inverse, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start,
+        np.array([0, 1]), *rows_of_general(0), spin_factor, len(contacts.pair),
+    )  # fmt: skip
 
 
 def by_slot(slot: Ints, impulse: Floats, count: int) -> Floats:
