@@ -39,12 +39,10 @@ from multicor_cli.engine.heat.friction import (
     NO_FRICTION,
     SLIDING,
     Solved,
-    collide,
     generate,
     sliding_heat,
-    strike,
 )
-from multicor_cli.engine.heat.hits import hit, known_points
+from multicor_cli.engine.heat.impacts import collide, hit, known_points, strike
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import (
     Ends,
