@@ -229,13 +229,8 @@ class _Sweep:
         self._store(self.impulse, batch, new_n, new_t)
         d_n, d_t = new_n - p_n, new_t - p_t
         c_n, c_t = w * d_n, w * self.one_plus_beta * d_t
-        squares, onward = self.sums.get()
-        self.sums.put(
-            [
-                squares + (c_n * c_n + c_t * c_t),
-                onward + (c_n * (new_n - now_n) + c_t * (new_t - now_t)),
-            ]
-        )
+        more = c_n * c_n + c_t * c_t, c_n * (new_n - now_n) + c_t * (new_t - now_t)
+        self.sums.put([a + b for a, b in zip(self.sums.get(), more, strict=True)])
         px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
         if self.stretch:
             self.stretch.pull(batch, px, py)
@@ -321,26 +316,13 @@ class ResidualSums:
         """Add a batch with these impulses, corrections and their squares."""
         squares, normal, tangential, largest, active = self._sums.get()
         is_active = p_n.larger(square).where(">", self._zero, self._one, self._zero)
-        self._sums.put(
-            [
-                squares + square,
-                normal + p_n * c_n,
-                tangential + p_t * c_t,
-                square.larger(largest),
-                active + is_active,
-            ]
-        )
+        sums = squares + square, normal + p_n * c_n, tangential + p_t * c_t
+        self._sums.put([*sums, square.larger(largest), active + is_active])
 
     def results(self) -> list[_Value]:
         """Sums of the squares and of both powers, the largest square, the number of contacts."""
-        code, (squares, normal, tangential, largest, active) = self._code, self._sums.get()
-        return [
-            code.total(squares),
-            code.total(normal),
-            code.total(tangential),
-            code.largest(largest),
-            code.total(active),
-        ]
+        code, (*sums, largest, active) = self._code, self._sums.get()
+        return [*map(code.total, sums), code.largest(largest), code.total(active)]
 
 
 @vector_loop(results=5)

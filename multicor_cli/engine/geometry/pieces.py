@@ -204,6 +204,16 @@ def are_convex(pieces: Pieces, i: int, j: int) -> bool:
 
 
 @subroutine
+def farthest(pieces: Pieces, p: int, x: float, y: float) -> int:
+    """The corner of a piece that is farthest along (x, y)."""
+    corner, far = pieces.corner, pieces.start[p]
+    for v in range(pieces.start[p], pieces.start[p + 1]):
+        if x * corner[v, X] + y * corner[v, Y] > x * corner[far, X] + y * corner[far, Y]:
+            far = v
+    return int(far)
+
+
+@subroutine
 def thinnest(pieces: Pieces, k: int) -> float:
     """Width of the thinnest piece of a grain [m]: between the two closest lines around it."""
     width, corner = inf, pieces.corner

@@ -27,7 +27,14 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.faces import pieces_of_key, point_key, rows_of_faces
 from multicor_cli.engine.geometry.outlines import Point, touch_pieces
-from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, are_faces, pieces_met
+from multicor_cli.engine.geometry.pieces import (
+    NORMAL_X,
+    NORMAL_Y,
+    Pieces,
+    are_faces,
+    farthest,
+    pieces_met,
+)
 from multicor_cli.engine.geometry.places import RISE, Places, rows_in_corners
 from multicor_cli.engine.geometry.radii import cup_radius, effective_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
@@ -276,17 +283,7 @@ def _radius_towards(pieces: Pieces, corners: Corners, p: int, x: float, y: float
     edge = _facing(pieces, p, x, y)
     if x * corner[edge, NORMAL_X] + y * corner[edge, NORMAL_Y] >= _ALONG:
         return _edge_radius(pieces, corners, p, edge)
-    return float(corners.radius[_farthest(pieces, p, x, y)])
-
-
-@subroutine
-def _farthest(pieces: Pieces, p: int, x: float, y: float) -> int:
-    """The corner of a piece that is farthest along (x, y)."""
-    corner, far = pieces.corner, pieces.start[p]
-    for v in range(pieces.start[p], pieces.start[p + 1]):
-        if x * corner[v, X] + y * corner[v, Y] > x * corner[far, X] + y * corner[far, Y]:
-            far = v
-    return int(far)
+    return float(corners.radius[farthest(pieces, p, x, y)])
 
 
 @subroutine
@@ -297,7 +294,7 @@ def curve_towards(
 
     And the corner, or the middle of the edge, at which the outward normal is (x, y) [m].
     """
-    v, corner = _farthest(pieces, p, x, y), pieces.corner
+    v, corner = farthest(pieces, p, x, y), pieces.corner
     if pieces.start[p + 1] - pieces.start[p] == 1:
         radius = pieces.rounding[p] if pieces.rounding[p] > 0.0 else -1.0
         return radius, corner[v, X], corner[v, Y]
