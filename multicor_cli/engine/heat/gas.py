@@ -232,12 +232,9 @@ def gas_conductances(
             out[k] += parallel_conductance_wall(gas_conductivity, radius, core, open_gap)
         elif model == BATCHELOR:
             out[k] += batchelor_conductance(
-                gas_conductivity,
-                laws.harmonic[a, b],
-                pair_radius(scene, i[k], j[k]),
-                spot[k],
+                gas_conductivity, laws.harmonic[a, b], pair_radius(scene, i[k], j[k]), spot[k],
                 open_gap,
-            )
+            )  # fmt: skip
         elif spot[k] > 0.0 or gap[k] <= 0.0:  # a formula for spheres that touch
             out[k] += vargas_conductance(gas_conductivity, mean_radius, spot[k])
         if spot[k] > 0.0:

@@ -142,14 +142,8 @@ def integrate(
         else:
             is_stiff = choices.integrator == "auto" and stiffness > STIFF
             scheme = _Implicit if is_implicit or is_stiff else _Explicit
-            _march(
-                scheme,
-                _Problem(net, capacity, values, power, choices),
-                temperature,
-                length,
-                flow,
-                should_stop,
-            )
+            problem = _Problem(net, capacity, values, power, choices)
+            _march(scheme, problem, temperature, length, flow, should_stop)
     flow.received += source
     return flow
 

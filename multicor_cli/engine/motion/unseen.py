@@ -175,12 +175,9 @@ def _grain_at(paths: Paths, k: int, t: float) -> tuple[float, float, float, floa
     c, s = cos(ago * spin), sin(ago * spin)
     rx, ry = c * lx - s * ly, s * lx + c * ly
     return (
-        x + ago * u + rx - lx,
-        y + ago * v + ry - ly,
-        u - spin * ry,
-        v + spin * rx,
+        x + ago * u + rx - lx, y + ago * v + ry - ly, u - spin * ry, v + spin * rx,
         spin * spin * np.sqrt(lx * lx + ly * ly),
-    )
+    )  # fmt: skip
 
 
 @subroutine
