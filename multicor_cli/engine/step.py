@@ -15,11 +15,10 @@ from multicor_cli.engine.energy.account import book_worn, open_books, switch_wal
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
-from multicor_cli.engine.inflow.population import Population
-from multicor_cli.engine.inflow.rules import InflowRules
+from multicor_cli.engine.inflow import Population
 from multicor_cli.engine.mechanics import PHASES, Clock, Mechanics
 from multicor_cli.engine.motion.layout import Layout
-from multicor_cli.engine.orders import Interrupted, Orders, StepReport
+from multicor_cli.engine.orders import InflowRules, Interrupted, Orders, StepReport
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State

@@ -360,6 +360,5 @@ def entry_counts(version: Version | None = None) -> dict[str, int]:
     }
 
 
-def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with the counts last, as files of format 1.0 have the counters of a run."""
-    return tuple(sorted(entries, key=lambda entry: entry.dtype == "i8"))
+COUNTS_LAST = tuple(sorted(TALLIES, key=lambda entry: entry.dtype == "i8"))
+"""The tallies as files of format 1.0 have the counters of a run."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Release
 from multicor_cli.engine.motion.drives import (
     AnyGravity,
     Constant,
@@ -21,7 +20,7 @@ from multicor_cli.engine.motion.drives import (
     Spacing,
     TiltedGravity,
 )
-from multicor_cli.engine.orders import Settings
+from multicor_cli.engine.orders import InflowRules, Outlet, Release, Settings
 from multicor_cli.model import Model
 from multicor_cli.model.cell import COMPONENTS
 from multicor_cli.model.columns import SPIN, YY, X, Y

@@ -15,9 +15,8 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.energy.account import book_exchange
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image, scene_of
 from multicor_cli.engine.heat.books import book_heat_out
-from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Release
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.engine.orders import PhysicsError
+from multicor_cli.engine.orders import InflowRules, Outlet, PhysicsError, Release
 from multicor_cli.model.books import EXCHANGE_NAMES, stored_fields
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
