@@ -23,7 +23,7 @@ from multicor_cli.engine import Engine
 from multicor_cli.engine import mechanics as engine_module
 from multicor_cli.engine.contact.solve import ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
-from multicor_cli.engine.contact.system import OneByOne, batch
+from multicor_cli.engine.contact.system import OneByOne, one_tile
 from multicor_cli.engine.jit.arrays import aligned
 from multicor_cli.engine.jit.cache import cache_name
 from multicor_cli.model.columns import FIRST, INVERSE_MASS, MASS, MU, NY, SECOND, Y
@@ -115,13 +115,8 @@ def column(count: int = 116) -> Problem:
     frame[:, MASS] = 1.0 / (
         velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS]
     )
-    diagonal = batch(OneByOne(pair, frame, np.zeros((count, 2))), velocity)
-    system = System(
-        diagonal.velocity, np.zeros((count + 1, 3)), diagonal.slot, diagonal.pair, diagonal.frame,
-        diagonal.impulse,
-        diagonal.tile_start, np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 8)),
-        np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
-    )  # fmt: skip
+    rows = OneByOne(pair, frame, np.zeros((count, 2)))
+    system = one_tile(rows, velocity, np.zeros((count + 1, 3)), 2.0)
     return Problem(
         f"column of {count}, cold",
         system,

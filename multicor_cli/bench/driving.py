@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.bench.scenes import BenchScene
 from multicor_cli.engine import Engine
 from multicor_cli.engine.orders import StepReport
-from multicor_cli.model import Grains, Model, ShapeKind, State, Thermal, WallShapes
+from multicor_cli.model import Model, ShapeKind, State, WallShapes
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.packing import build
@@ -58,21 +58,19 @@ class PreparedScene:
 
     def take(self, steps: int, between: Callable[[], None] | None = None) -> Round:
         """Take some steps; ``between`` is called after every fourth, and its time not counted."""
-        before = dict(self.engine.timers)
+        timers = self.engine.timers
+        before = dict(timers)
         seconds, solves, shares, reports = [], [], [], []
         for number in range(steps):
-            solved, busy, start = self._solve_time(), time.thread_time(), time.perf_counter()
+            solved, busy, start = timers["solve"], time.thread_time(), time.perf_counter()
             reports.append(self.engine.step(self.stage.dt, self.state.stage_step * self.stage.dt))
             seconds.append(time.perf_counter() - start)
             shares.append(min(1.0, (time.thread_time() - busy) / seconds[-1]))
-            solves.append(self._solve_time() - solved)
+            solves.append(timers["solve"] - solved)
             if between is not None and number % 4 == 0:
                 between()
-        phases = {name: after - before[name] for name, after in self.engine.timers.items()}
+        phases = {name: after - before[name] for name, after in timers.items()}
         return Round(seconds, solves, shares, phases, reports)
-
-    def _solve_time(self) -> float:
-        return dict(self.engine.timers).get("solve", 0.0)
 
     def take_cold(self) -> Round:
         """Take one step whose solve knows nothing of the impulses of the last."""
@@ -205,14 +203,13 @@ def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]
     if not model.period > 0.0:
         raise ValueError("only a periodic scene can be repeated")
     shape_copies = np.where(model.shapes.kind == ShapeKind.PLANE, 1, copies)
-    walls, thermal = model.walls, model.thermal
+    walls = model.walls
     wide = replace(
-        model,
-        grains=_tiled(model.grains, copies),
+        model.with_grains(np.tile(np.arange(model.grain_count), copies)),
         shapes=_repeat_shapes(model, shape_copies),
         walls=replace(walls, mass=walls.mass * copies, length=walls.length * copies),
         period=model.period * copies,
-        thermal=None if thermal is None else _tiled(thermal, copies),
+        numbers=None,
     )
     position = np.tile(state.position, (copies, 1))
     position[:, 0] += np.repeat(np.arange(copies), model.grain_count) * model.period
@@ -223,19 +220,10 @@ def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]
     contacts = _repeat_contacts(model, state, shape_copies, copies)
     result.contact_i, result.contact_j, result.contact_impulse = contacts
     result.last_dt = state.last_dt
-    if thermal is not None:
+    if model.thermal is not None:
         result.heat = np.tile(state.heat, copies)
         result.wall_temperature = state.wall_temperature.copy()
     return wide, result
-
-
-Columns = TypeVar("Columns", Grains, Thermal)
-
-
-def _tiled(columns: Columns, copies: int) -> Columns:
-    return type(columns)(
-        *(np.tile(getattr(columns, each.name), copies) for each in fields(columns))
-    )
 
 
 def _repeat_shapes(model: Model, shape_copies: NDArray[np.int64]) -> WallShapes:

@@ -134,28 +134,20 @@ def measure(task: Task) -> Result:
     step = statistics.median(seconds for round_ in rounds for seconds in round_.seconds)
     phases = {name: [round_.phases[name] for round_ in rounds] for name in rounds[0].phases}
     return Result(
-        scene=task.scene,
-        grains=prepared.model.grain_count,
-        threads=task.threads,
-        steps=scene.steps,
-        rounds=task.rounds,
+        scene=task.scene, grains=prepared.model.grain_count, threads=task.threads,
+        steps=scene.steps, rounds=task.rounds,
         candidates=statistics.fmean(report.candidates for report in reports),
         loaded=statistics.fmean(report.contacts for report in reports),
-        sweeps=statistics.fmean(sweeps),
-        median_sweeps=statistics.median(sweeps),
+        sweeps=statistics.fmean(sweeps), median_sweeps=statistics.median(sweeps),
         cold_sweeps=statistics.median(cold_sweeps) if cold_sweeps else None,
         missed=sum(not report.converged for report in reports),
-        residual=max(report.rms for report in reports),
-        step=step,
+        residual=max(report.rms for report in reports), step=step,
         phases={name: statistics.median(each) / scene.steps for name, each in phases.items()},
         grain_steps=prepared.model.grain_count / step,
         per_contact=None if scene.is_frozen else _per_contact(cold_rounds or rounds),
-        reference=_quartile(references),
-        other_ratio=other_time(rounds) / _quartile(references),
-        sweep=sweep,
-        memory=memory,
-        faults=faults,
-    )
+        reference=_quartile(references), other_ratio=other_time(rounds) / _quartile(references),
+        sweep=sweep, memory=memory, faults=faults,
+    )  # fmt: skip
 
 
 def other_time(rounds: list[Round]) -> float:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from multicor_cli.engine.contact.ordering import rows_of_general
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.system import OneByOne, flatten
 from multicor_cli.engine.jit.arrays import aligned_copy
@@ -117,12 +118,9 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
     moved += 4 * diagonal.impulse.nbytes  # now and before
     moved += 2 * np.unique(diagonal.pair).size * diagonal.velocity.itemsize * 4
     return SweepTimes(
-        count,
-        moved,
-        {number: statistics.median(times) for number, times in ours.items()},
-        min(in_c, default=math.nan),
-        statistics.median(ratios) if ratios else math.nan,
-    )
+        count, moved, {number: statistics.median(times) for number, times in ours.items()},
+        min(in_c, default=math.nan), statistics.median(ratios) if ratios else math.nan,
+    )  # fmt: skip
 
 
 def compile_sweep() -> CSweep | None:
@@ -151,16 +149,12 @@ def compile_sweep() -> CSweep | None:
 
 
 def _only_diagonal(system: System) -> System:
-    none = slice(0, 0)
+    pair, frame, lever, impulse = rows_of_general(0)
     return system._replace(
-        velocity=aligned_copy(system.velocity),
-        impulse=aligned_copy(system.impulse),
-        contacts=int(np.count_nonzero(system.slot >= 0)),
-        general_pair=system.general_pair[none],
-        general_frame=system.general_frame[none],
-        general_lever=system.general_lever[none],
-        general_impulse=system.general_impulse[none],
-    )
+        velocity=aligned_copy(system.velocity), impulse=aligned_copy(system.impulse),
+        contacts=int(np.count_nonzero(system.slot >= 0)), general_pair=pair, general_frame=frame,
+        general_lever=lever, general_impulse=impulse,
+    )  # fmt: skip
 
 
 def _before(system: System) -> Before:

@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.contact.faces import closed_beyond, stop_rebounds
 from multicor_cli.engine.contact.rolling import couples_of
-from multicor_cli.engine.contact.selection import Selection
+from multicor_cli.engine.contact.selection import Selection, deepest_overlap
 from multicor_cli.engine.contact.solve import Outcome, solve_system
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS
@@ -338,7 +338,9 @@ class Mechanics:
             # The way to q_m is not theirs: heat looks at them half-way
             layout.middle[struck] = 0.5 * (began + state.position[struck])
         self.clock.stop("account")
-        beside = selection.overlap_beside(end, pieces)
+        # Others did not close: on a straight way a gap between discs is convex, so they are apart.
+        # But pieces of walls may turn or curve
+        beside = deepest_overlap(end, pieces, *selection.walls_beside)
         overlap = float(sums.total[OVERLAP])
         correction = self._correct(step, end, pieces, overlaps, cutoff, overlap, beside)
         self.clock.stop("correct")

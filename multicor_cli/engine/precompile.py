@@ -34,7 +34,6 @@ from multicor_cli.engine.contact.contacts import (
 from multicor_cli.engine.contact.face_sweep import FaceBatches
 from multicor_cli.engine.contact.faces import (
     NO_FACES,
-    account_faces,
     begin_faces,
     blocks_for,
     carried_points,
@@ -78,7 +77,12 @@ from multicor_cli.engine.contact.system import (
     pack_bodies,
     tabulate_contacts,
 )
-from multicor_cli.engine.energy.account import account_contacts, account_grains, book_step
+from multicor_cli.engine.energy.account import (
+    account_contacts,
+    account_faces,
+    account_grains,
+    book_step,
+)
 from multicor_cli.engine.geometry.neighbors import both_ways
 from multicor_cli.engine.geometry.pieces import Pieces, pieces_of
 from multicor_cli.engine.geometry.scene import Scene
@@ -178,7 +182,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     mass = model.grains.mass
     push_apart(
         scene, pieces, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY),
-        mass, mass, np.zeros((1, 3)), 1.0, 0.0, 1, np.zeros(1, np.bool_),
+        mass, mass, np.zeros((1, 3)), 1.0, 0.0, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, pieces, _NOBODY, _NOBODY)
     deep_pairs(lanes.depth, lanes.slot, lanes.of_walls, _NOBODY, _NOBODY, 1.0)
@@ -189,7 +193,7 @@ def _finish(model: Model, state: State, moved: Moved, pieces: Pieces | None) -> 
     of_contacts = account_contacts(scene, scene, contacts, bodies, _NOBODY, sums)
     if pieces is not None:
         account_faces(
-            scene, scene, pieces, contacts, bodies, NO_FACES, 1.0, of_contacts.total,
+            scene, scene, pieces, contacts, bodies, NO_FACES, of_contacts.total,
             of_contacts.wall_impulse, of_contacts.belt_impulse, np.zeros(0),
         )  # fmt: skip
     motion = WallMotion(model, [WallDrive()])
@@ -222,7 +226,7 @@ def _prepare(
     if pieces is not None:
         unpack_points(_NOBODY, np.empty((0, 2)), contacts)
         begin_faces(
-            scene, pieces, model.laws, bodies, bodies, 1.0, 1.0, 1.0, 1.0, NO_FACES, 0,
+            scene, pieces, model.laws, bodies, bodies, 1.0, 1.0, 1.0, 1.0, NO_FACES,
             np.zeros(0, np.bool_), contacts,
         )  # fmt: skip
     begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.of_walls, contacts)

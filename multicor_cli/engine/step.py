@@ -15,11 +15,10 @@ from multicor_cli.engine.energy.account import book_worn, open_books, switch_wal
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
-from multicor_cli.engine.inflow.population import Population
-from multicor_cli.engine.inflow.rules import InflowRules
+from multicor_cli.engine.inflow import Population
 from multicor_cli.engine.mechanics import PHASES, Clock, Mechanics
 from multicor_cli.engine.motion.layout import Layout
-from multicor_cli.engine.orders import Interrupted, Orders, StepReport
+from multicor_cli.engine.orders import InflowRules, Interrupted, Orders, StepReport
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
@@ -39,6 +38,7 @@ class Engine:
         heat: Choices about heat, or None if there is none.
         timers: Seconds spent in each phase of the time step since the start.
         mechanics: How grains and walls move in a step.
+        orders: What the present stage orders; `begin` or `resume` replaces it.
     """
 
     def __init__(
@@ -78,14 +78,9 @@ class Engine:
         self._available = min(threads, available) if threads > 0 else available
         self.heat = heat
         self._population = None if inflow is None else Population(model, state, inflow)
-        self._orders = Orders()
+        self.orders = Orders()
         self.mechanics = Mechanics(model, self._clock, has_heat=heat is not None)
         self._lay_out()
-
-    @property
-    def orders(self) -> Orders:
-        """What the present stage orders; `begin` or `resume` replaces it."""
-        return self._orders
 
     @property
     def threads(self) -> int:
@@ -120,7 +115,7 @@ class Engine:
             ValueError: If there is rolling resistance, but none in the laws of the model.
         """
         self.mechanics.take_up(orders)
-        self._orders = orders
+        self.orders = orders
         self._begin_heat()
 
     def pass_grains(self) -> None:

@@ -11,8 +11,7 @@ from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.contact.adhesion import (
     attract,
     begin_attraction,
-    bridge_rows,
-    keep_bridges,
+    bridges_after,
     longest_reach,
 )
 from multicor_cli.engine.contact.contacts import (
@@ -23,25 +22,18 @@ from multicor_cli.engine.contact.contacts import (
     vary_friction,
     warm_rows,
 )
-from multicor_cli.engine.contact.faces import (
-    account_faces,
-    begin_faces,
-)
+from multicor_cli.engine.contact.faces import begin_faces
 from multicor_cli.engine.contact.flight import leave_flights_out
 from multicor_cli.engine.contact.impacts import are_contacts
 from multicor_cli.engine.contact.rolling import begin_rolling
 from multicor_cli.engine.contact.selection import AHEAD, LASTS
 from multicor_cli.engine.contact.solve import ResidualScale
-from multicor_cli.engine.contact.system import (
-    OrderedSystem,
-    assemble,
-    begin_grains,
-    pack_bodies,
-)
+from multicor_cli.engine.contact.system import OrderedSystem, assemble, begin_grains, pack_bodies
 from multicor_cli.engine.contact.vector_step import SUMS, VIRIAL
 from multicor_cli.engine.energy.account import (
     ContactSums,
     account_contacts,
+    account_faces,
     account_grains,
 )
 from multicor_cli.engine.geometry.drift import cutoff_of_velocities
@@ -179,7 +171,7 @@ class StepContacts:
             assert step.pieces is not None
             faces, lacking, beyond = begin_faces(
                 scene, step.pieces, laws, start, layout.free, dt, ratio, least, LASTS * dt,
-                selection.faces, selection.faces.most, stopped, contacts,
+                selection.faces, stopped, contacts,
             )  # fmt: skip
         opening = None
         if step.growth is not None:
@@ -235,12 +227,12 @@ class StepContacts:
 
     def _begin_adhesion(self, scene: Scene, pieces: Pieces | None, dt: float) -> float:
         """Attraction into all contacts and free velocities; returns the largest F Δt [N s]."""
-        layout, selection = self.layout, self.layout.selection
+        layout, state, selection = self.layout, self.layout.state, self.layout.selection
         contacts, lanes = selection.contacts, selection.lanes
-        bridges = bridge_rows(layout.state, layout.model.grain_count)
+        row = warm_rows(layout.model.grain_count, state.bridge_i)
         begin_attraction(
-            scene, pieces, self.laws, contacts, selection.i, selection.j, layout.before,
-            *bridges, dt, selection.faces, layout.state.contact_i.size == 0,
+            scene, pieces, self.laws, contacts, selection.i, selection.j, layout.before, row,
+            state.bridge_j, dt, selection.faces, state.contact_i.size == 0,
         )  # fmt: skip
         scatter_impulses(contacts, lanes.slot, lanes.impulse)
         attract(
@@ -278,7 +270,9 @@ class StepContacts:
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
             selection.tabulate()
-            keep_bridges(end, pieces, laws, contacts, self.layout.state)
+            if laws.is_wet.any():
+                state = self.layout.state
+                state.bridge_i, state.bridge_j = bridges_after(end, pieces, laws, contacts)
             of_discs = np.ones(contacts.size, np.bool_)
             of_discs[selection.faces.rows] = False
             which, of_grains = np.flatnonzero(of_discs).astype(np.int32), np.zeros(SUMS)
@@ -292,7 +286,7 @@ class StepContacts:
         overlaps = np.zeros(selection.faces.first.size)
         if pieces is not None:
             attracted = account_faces(
-                step.scene, end, pieces, contacts, after, selection.faces, step.dt, sums.total,
+                step.scene, end, pieces, contacts, after, selection.faces, sums.total,
                 sums.wall_impulse, sums.belt_impulse, overlaps,
             )  # fmt: skip
             sums = sums._replace(adhesion_work=sums.adhesion_work + attracted)

@@ -38,22 +38,9 @@ DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types: ``float`` is f8 or f4 after ``output.precision``, ``str`` UTF-8 of fixed length."""
 
 Feature = Literal[
-    "heat",
-    "softening",
-    "adhesion",
-    "rolling",
-    "exchange",
-    "surface",
-    "groups",
-    "motion",
-    "range",
-    "cell",
-    "gradient",
-    "flux",
-    "flash",
-    "expansion",
-    "outlines",
-]
+    "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion", "range",
+    "cell", "gradient", "flux", "flash", "expansion", "outlines",
+]  # fmt: skip
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
 motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean
@@ -373,6 +360,5 @@ def entry_counts(version: Version | None = None) -> dict[str, int]:
     }
 
 
-def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with the counts last, as files of format 1.0 have the counters of a run."""
-    return tuple(sorted(entries, key=lambda entry: entry.dtype == "i8"))
+COUNTS_LAST = tuple(sorted(TALLIES, key=lambda entry: entry.dtype == "i8"))
+"""The tallies as files of format 1.0 have the counters of a run."""

@@ -58,6 +58,12 @@ class Rectangle(Area):
     low: tuple[float, float]
     high: tuple[float, float]
 
+    def contains(self, points: Floats) -> NDArray[np.bool_]:
+        """As of any area, at once; sides may be infinite."""
+        x, y = points[:, 0], points[:, 1]
+        (left, bottom), (right, top) = self.low, self.high
+        return np.asarray((x >= left) & (x <= right) & (y >= bottom) & (y <= top))
+
     @property
     def size(self) -> float:
         """Width times height [m²]."""

@@ -70,27 +70,20 @@ class State:
     Without arguments it is the state of a model without anything.
     """
 
-    position: Floats = _array(
-        ("grain", 3),
-        "m, m, rad",
-        "centers (x wrapped into the period, y too in a cell) and angles of the grains",
-    )
+    position: Floats = _array(("grain", 3), "m, m, rad",
+        "centers (x wrapped into the period, y too in a cell) and angles of the "
+        "grains")  # fmt: skip
     image: NDArray[np.int64] = _array(
         ("grain",), "1", "periods by which x was wrapped; 0 in a cell", "i8"
     )
     velocity: Floats = _array(("grain", 3), "m/s, m/s, rad/s",
         "velocities and spins of the grains; in a cell velocities beside its mean "
         "flow")  # fmt: skip
-    wall_position: Floats = _array(
-        ("wall", 3),
-        "m, m, rad",
-        "reference points and angles of the walls; width, height and tilt [m] of a cell",
-    )
-    wall_velocity: Floats = _array(
-        ("wall", 3),
-        "m/s, m/s, rad/s",
-        "velocities and spins of the walls; rates xx, yy and xy [1/s] of a cell",
-    )
+    wall_position: Floats = _array(("wall", 3), "m, m, rad",
+        "reference points and angles of the walls; width, height and tilt [m] of a "
+        "cell")  # fmt: skip
+    wall_velocity: Floats = _array(("wall", 3), "m/s, m/s, rad/s",
+        "velocities and spins of the walls; rates xx, yy and xy [1/s] of a cell")  # fmt: skip
     # The contacts that carried an impulse, ascending by both shapes; where the next solve starts.
     # With adhesion normal impulses are p_n + F Δt (theory §3.1).
     contact_i: Ints = _array(
@@ -227,12 +220,9 @@ class State:
 
     # What follows is empty unless grains expand, or shrink as they wear.
     radius: Floats = _array(("expansion_grain",), "m", "radius of the grains", since=(1, 10))
-    growth_books: Floats = _array(
-        ("expansion_book",),
-        "J",
+    growth_books: Floats = _array(("expansion_book",), "J",
         "books of the size of the grains, in the order of model.GROWTH_BOOKS",
-        since=(1, 10),
-    )
+        since=(1, 10))  # fmt: skip
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
@@ -370,10 +360,8 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 
 
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
-_OF_GRAINS, _OF_WALLS = (
-    _fields("f8", "heat_grain", "grain", "cell_grain", "expansion_grain"),
-    _fields("f8", "wall", "heat_wall", "origin_row", "surface_row", "ahead_row"),
-)
+_OF_GRAINS = _fields("f8", "heat_grain", "grain", "cell_grain", "expansion_grain")
+_OF_WALLS = _fields("f8", "wall", "heat_wall", "origin_row", "surface_row", "ahead_row")
 _CALLED = {"generated": "the heat generated", "nonaffine": "the displacement beside the mean flow"}
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
@@ -412,11 +400,8 @@ def find_misfit(state: State, model: Model) -> str | None:
     wrong = _find_wrong_pairs(state, model)
     if wrong is not None:
         return wrong
-    for name in ("tile", "near_late"):
-        if (getattr(state, name) < 0).any():
-            return f"{name} is negative"
-    for name in _COUNTS:
-        if getattr(state, name) < 0:
+    for name in ("tile", "near_late", *_COUNTS):
+        if (np.asarray(getattr(state, name)) < 0).any():
             return f"{name} is negative"
     if state.presence.max(initial=0) > max(Presence):
         return "presence holds a number that means nothing"
@@ -424,23 +409,21 @@ def find_misfit(state: State, model: Model) -> str | None:
 
 
 def _find_wrong_pairs(state: State, model: Model) -> str | None:
-    n, shapes = model.grain_count, model.shape_count
+    n, shapes, has_points = model.grain_count, model.shape_count, model.outlines is not None
+    only = {
+        "contact_couple": model.laws.rolling.size > 0,
+        "contact_point": has_points,
+        "near_points": has_points,
+        "near_late": state.near_late.size > 0,
+    }
     for name, (i, j) in {**_CONTACTS, **_PAIRS}.items():
         first, second = getattr(state, i), getattr(state, j)
-        has_points = model.outlines is not None
-        only = {
-            "contact_couple": model.laws.rolling.size > 0,
-            "contact_point": has_points,
-            "near_points": has_points,
-            "near_late": state.near_late.size > 0,
-        }
         rows = first.size if only.get(name, True) else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
             return f"{i}, {j} and {name} have different lengths"
         are_pairs = (first >= 0) & (first < n) & (second > first) & (second < n + shapes)
         order = first.astype(np.int64) * (n + shapes) + second
-        # Grains that are no discs may touch at several points
-        step = np.diff(order) + (model.outlines is not None)
+        step = np.diff(order) + has_points  # grains that are no discs may touch at several points
         if not (are_pairs.all() and (step > 0).all()):
             return f"{i} and {j} are not pairs of shapes in ascending order"
     return None

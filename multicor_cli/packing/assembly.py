@@ -322,7 +322,7 @@ def _state(
         waiting = [k for k, table in enumerate(scenario.particles) if table.packing is None]
         state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
         # Loads the solver, and few scenarios need it
-        from multicor_cli.engine.inflow.population import note_presence
+        from multicor_cli.engine.inflow import note_presence
 
         note_presence(state, model, 0)
     return state

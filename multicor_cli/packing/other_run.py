@@ -348,7 +348,7 @@ def _same_walls(names: tuple[str, ...], source: Source) -> dict[int, int]:
 
 def carry_presence(source: Source, model: Model, state: State) -> None:
     """Who is there, waits or has gone, where grains come and go; counts begin at zero."""
-    from multicor_cli.engine.inflow.population import note_presence
+    from multicor_cli.engine.inflow import note_presence
 
     if state.presence.size:
         there = np.full(state.presence.size, Presence.THERE, np.uint8)

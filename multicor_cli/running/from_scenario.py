@@ -11,7 +11,6 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Rectangle, Release
 from multicor_cli.engine.motion.drives import (
     AnyGravity,
     Constant,
@@ -21,11 +20,12 @@ from multicor_cli.engine.motion.drives import (
     Spacing,
     TiltedGravity,
 )
-from multicor_cli.engine.orders import Settings
+from multicor_cli.engine.orders import InflowRules, Outlet, Release, Settings
 from multicor_cli.model import Model
 from multicor_cli.model.cell import COMPONENTS
 from multicor_cli.model.columns import SPIN, YY, X, Y
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Rectangle
 from multicor_cli.model.state import State
 from multicor_cli.packing.materials import stage_laws
 from multicor_cli.running.conditions import (
@@ -178,8 +178,7 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     groups = enumerate(scenario.particles)
     releases = (_release(scenario, model, number, group) for number, group in groups)
     outlets = (
-        Outlet(Rectangle(outlet.region.min, outlet.region.max), outlet.then == "release")
-        for outlet in scenario.outlets
+        Outlet(outlet.region.area(), outlet.then == "release") for outlet in scenario.outlets
     )
     limits = None
     if scenario.domain.lost != "ignore":
@@ -218,7 +217,7 @@ def _release(scenario: Scenario, model: Model, number: int, group: ParticleGroup
         rate=rate,
         is_mass=table.mass_rate is not None,
         start=table.start,
-        region=Rectangle(table.region.min, table.region.max),
+        region=table.region.area(),
         spans_period=scenario.domain.is_spanned(table.region.min[0], table.region.max[0]),
         velocity=(*group.velocity, group.spin),
         angles=angles,

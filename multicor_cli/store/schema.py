@@ -19,12 +19,12 @@ from multicor_cli.model import Model
 from multicor_cli.model.books import (
     ADHESION_BOOKS,
     BOOKS,
+    COUNTS_LAST,
     EXCHANGE_BOOKS,
     FLUX_BOOKS,
     GRADIENT_BOOKS,
     GROWTH_BOOKS,
     HEAT_BOOKS,
-    TALLIES,
     WINDOW,
     Dim,
     DType,
@@ -34,7 +34,6 @@ from multicor_cli.model.books import (
     Shape,
     Stored,
     Version,
-    measures_first,
     stored_fields,
 )
 from multicor_cli.model.columns import ANGLE, SPIN
@@ -575,7 +574,7 @@ SERIES: tuple[Dataset, ...] = (
     _series("stage", "1", "loading stage, a row of scenario/stages", "state.stage", dtype="i4"),
     _series("strain", "1", "shear strain accumulated in this stage", "state.stage_strain"),
     *_kept_numbers(BOOKS, "books"),
-    *_kept_numbers(measures_first(TALLIES), "tallies"),
+    *_kept_numbers(COUNTS_LAST, "tallies"),
     *_kept_numbers(WINDOW, "window"),
     _series("virial_rate", "N m",
         "window mean of sum f_a l_b over grain-grain contacts, l from j to i; over an area: mean "

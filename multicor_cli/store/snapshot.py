@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.books import (
+    COUNTS_LAST,
     EXCHANGE_BOOKS,
     NUMBERS,
-    TALLIES,
     Version,
     entry_counts,
-    measures_first,
 )
 from multicor_cli.model.cell import real_velocity
 from multicor_cli.model.contacts import ContactTable
@@ -124,9 +123,7 @@ def in_plane(values: Floats) -> Floats:
 
 Summary = dict[str, Any]
 
-_SUMMARIZED = {
-    entry.summary: entry for entry in measures_first(TALLIES) if entry.summary is not None
-}
+_SUMMARIZED = {entry.summary: entry for entry in COUNTS_LAST if entry.summary is not None}
 
 
 def summarize(state: State, model: Model) -> Summary:

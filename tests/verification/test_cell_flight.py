@@ -12,7 +12,7 @@ from scene_parts import advance
 from multicor_cli.engine import Engine
 from multicor_cli.engine.contact.meetings import Air, discs_meet_soon, meets, relative
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.friction import impact_exchange
+from multicor_cli.engine.heat.impacts import impact_exchange
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.model.cell import mean_flow, real_velocity
 from multicor_cli.model.state import State

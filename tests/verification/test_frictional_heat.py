@@ -30,9 +30,9 @@ from scene_parts import (
 from multicor_cli.engine import Interrupted, Settings
 from multicor_cli.engine.heat.books import receive, receive_walls
 from multicor_cli.engine.heat.convection import Ambient
-from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.hertz import contact_radius
+from multicor_cli.engine.heat.impacts import impact_exchange
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat

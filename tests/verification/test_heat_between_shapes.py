@@ -10,7 +10,6 @@ from scene_parts import FLOOR
 from shapes import box, disc, outlines_of, regular, rod, shaped_model, wall_line
 
 from multicor_cli.engine.heat.films import SEPARATION
-from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import (
     Gas,
     parallel_between,
@@ -18,7 +17,7 @@ from multicor_cli.engine.heat.gas import (
     parallel_conductance_wall,
 )
 from multicor_cli.engine.heat.hertz import joint_coefficient
-from multicor_cli.engine.heat.hits import flat_exchange, flat_time
+from multicor_cli.engine.heat.impacts import flat_exchange, flat_time, impact_exchange
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, emission_factor
 from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive

@@ -17,8 +17,8 @@ from wall_lines import level, walls_of
 
 from multicor_cli.engine.geometry.places import RISE
 from multicor_cli.engine.heat import gas
-from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.hertz import contact_radius, hertz_conductance, rough_conductance
+from multicor_cli.engine.heat.impacts import impact_exchange
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, linear_coefficient
 from multicor_cli.engine.heat.settings import ContactForce
 from multicor_cli.engine.heat.walls import WallHeat

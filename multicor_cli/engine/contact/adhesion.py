@@ -17,7 +17,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.contacts import Contacts, warm_rows
+from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.contact.faces import FacePairs, pieces_of_key, rows_of_faces
 from multicor_cli.engine.geometry.outlines import LEAN, true_gap
 from multicor_cli.engine.geometry.pieces import Pieces, are_faces
@@ -28,7 +28,6 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, SURFACE, XX, XY, YY, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 from multicor_cli.model.outlines import Outlines
-from multicor_cli.model.state import State
 
 TOUCHING = 1e-9
 """Largest gap, over the radius, of bodies that touch as far as rounded positions tell."""
@@ -226,11 +225,9 @@ def attract(
 @subroutine
 def _gap_after(end: Scene, pieces: Pieces | None, i: int, j: int) -> float:
     """Gap of a pair that has met [m]."""
-    if pieces is None:
-        return known_geometry(end, i, j)[0]
-    if not are_faces(pieces, i, j):
-        return known_geometry(end, i, j)[0]
-    return true_gap(end, pieces, i, j)[0]
+    if pieces is not None and are_faces(pieces, i, j):
+        return true_gap(end, pieces, i, j)[0]
+    return known_geometry(end, i, j)[0]
 
 
 @kernel
@@ -253,19 +250,6 @@ def bridges_after(
             first[found], second[found] = contact.i, contact.j
             found += 1
     return first[:found].copy(), second[:found].copy()
-
-
-def keep_bridges(
-    end: Scene, pieces: Pieces | None, laws: ContactLaws, contacts: Contacts, state: State
-) -> None:
-    """Enter the bridges after a step into a state, **modified**."""
-    if laws.is_wet.any():
-        state.bridge_i, state.bridge_j = bridges_after(end, pieces, laws, contacts)
-
-
-def bridge_rows(state: State, grains: int) -> tuple[NDArray[np.int64], Ints]:
-    """Bridges of each grain: row pointers, and the shapes with which it has them."""
-    return warm_rows(grains, state.bridge_i), state.bridge_j
 
 
 # ---- What impulses are without it

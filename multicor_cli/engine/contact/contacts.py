@@ -71,7 +71,8 @@ CONTACT = np.dtype(
                 ("ny", "f8"),
                 ("bias", "f8"),  # b [m/s]
                 ("mu", "f8"),  # friction μ
-                # Of faces (`engine/contact/faces.py`): what spins of i and j add to u_n and u_t
+                # Of faces (`engine/contact/faces.py`), and of walls that loads move: what spins of
+                # i and j add to u_n and u_t
                 ("turn_in", "f8"),
                 ("turn_it", "f8"),
                 ("turn_jn", "f8"),
@@ -208,11 +209,8 @@ def _softened(laws: ContactLaws, a: int, b: int, mu: float, temperature: float) 
     rate = laws.softening_rate[a, b]
     if rate == 0.0:
         return mu
-    start, lowest, highest = (
-        laws.softening_start[a, b],
-        laws.softening_lowest[a, b],
-        laws.softening_highest[a, b],
-    )
+    start, lowest = laws.softening_start[a, b], laws.softening_lowest[a, b]
+    highest = laws.softening_highest[a, b]
     return softened_friction(mu, rate, temperature, start, lowest, highest)
 
 
@@ -286,7 +284,7 @@ def _refresh(
 
 
 @formula
-def _speed(c: int, scene: Scene, start: Floats, contacts: Contacts) -> float:
+def _speed(c: int, start: Floats, contacts: Contacts) -> float:
     """How fast a grain moves past the surface of a wall, its spin left out [m/s].
 
     (Without friction spins never end, also where everything rests.)
@@ -317,7 +315,7 @@ def begin_walls(
         squares += u * u
         closing += 1.0 if u < 0.0 else 0.0
         if contact.p_n > 0.0 or u < 0.0:
-            motion += _speed(c, scene, start, contacts)
+            motion += _speed(c, start, contacts)
             met += 1.0
     return Speeds(squares, closing, 0.0, 0.0, motion, met)
 
@@ -395,6 +393,20 @@ def scatter_impulses(contacts: Contacts, slot: Ints, impulse: Floats) -> None:
                 impulse[q, TANGENTIAL, lane] = contacts[c].p_t
 
 
+@formula
+def recall_lane(
+    contact: Any, i: int, j: int, frame: Floats, impulse: Floats, before: Floats, gap: Floats,
+    branch: Floats, q: int, k: int,
+) -> None:  # fmt: skip
+    """What the lanes hold of two grains i and j, into their contact, but the bias and μ."""
+    contact.i, contact.j, contact.key = i, j, -1
+    contact.nx, contact.ny, contact.gap = frame[q, NX, k], frame[q, NY, k], gap[q, k]
+    contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
+    contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+    if branch.size:
+        contact.lever_x, contact.lever_y = branch[q, X, k], branch[q, Y, k]
+
+
 @kernel
 def tabulate(
     grains: int, i: Ints, j: Ints, lane: Ints, frame: Floats, impulse: Floats, before: Floats,
@@ -408,14 +420,8 @@ def tabulate(
         if j[c] >= grains or lane[c] < 0:
             continue
         contact, q, k = contacts[c], lane[c] // LANES, lane[c] % LANES
-        contact.i, contact.j, contact.key = i[c], j[c], -1
-        contact.nx, contact.ny = frame[q, NX, k], frame[q, NY, k]
+        recall_lane(contact, i[c], j[c], frame, impulse, before, gap, branch, q, k)
         contact.bias, contact.mu = frame[q, BIAS, k], frame[q, MU, k]
-        contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
-        contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
-        contact.gap = gap[q, k]
-        if branch.size:
-            contact.lever_x, contact.lever_y = branch[q, X, k], branch[q, Y, k]
 
 
 @kernel

@@ -57,6 +57,7 @@ A_N, A_T, B_N, B_T, I_NN, I_NT, I_TT, Q, PLUS, MINUS = range(8, 18)
 ROWS = 18
 
 FourSums = tuple[float, float, float, float]
+_NONE = np.empty(0)
 
 
 class FaceBatches(NamedTuple):
@@ -75,6 +76,15 @@ class FaceBatches(NamedTuple):
     branch: Floats
     tile_start: NDArray[np.int64]
     first: int
+
+
+@formula
+def fill_inverse(q: int, lane: int, g: int, frame: Floats, is_there: bool, block: Floats) -> None:
+    """W⁻¹ of the general contact g into a lane of ``block``, **modified**; else 0."""
+    w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
+    over = 1.0 / (w_nn * w_tt - w_nt * w_nt) if is_there else 0.0
+    block[q, I_NN, lane], block[q, I_NT, lane] = w_tt * over, -w_nt * over
+    block[q, I_TT, lane] = w_nn * over
 
 
 # ---- One lane: what the loops compute
@@ -144,7 +154,7 @@ def _square(q: int, lane: int, block: Floats, d_n: float, d_t: float) -> tuple[f
 @loop_body
 def relax_faces_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
-    before: Floats, beta: float, extrapolation: float, branch: Floats, own: Floats,
+    before: Floats, beta: float, extrapolation: float, branch: Floats = _NONE, own: Floats = _NONE,
 ) -> tuple[float, float]:  # fmt: skip
     """Relax batches ``first … last-1``; returns what `sweep` does, of these: over each lane first.
 
@@ -204,7 +214,7 @@ def relax_faces_scalar(
 @loop_body
 def measure_faces_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
-    branch: Floats, xx: float, yy: float, xy: float,
+    branch: Floats = _NONE, xx: float = 0.0, yy: float = 0.0, xy: float = 0.0,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
     """Residuals of batches, as `measure_scalar` has them; arrays as `relax_faces_scalar`.
 
@@ -397,29 +407,9 @@ def _measured(code: Writer, first: _Value, last: _Value, lanes: _Lanes) -> list[
     return sums.results()
 
 
-@loop_body
-def _relax_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats,
-    before: Floats, beta: float, extrapolation: float,
-) -> tuple[float, float]:  # fmt: skip
-    none = velocity[:0]
-    return relax_faces_scalar(
-        first, last, velocity, pair, block, impulse, before, beta, extrapolation, none, none
-    )
-
-
-@loop_body
-def _measure_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, block: Floats, impulse: Floats
-) -> tuple[float, float, float, float, float]:
-    return measure_faces_scalar(
-        first, last, velocity, pair, block, impulse, velocity[:0], 0.0, 0.0, 0.0
-    )
-
-
-_relax = _relax_batches if HAS_VECTORS else _relax_scalar
+_relax = _relax_batches if HAS_VECTORS else relax_faces_scalar
 _relax_stretched = _relax_stretched_batches if HAS_VECTORS else relax_faces_scalar
-_measure = _measure_batches if HAS_VECTORS else _measure_scalar
+_measure = _measure_batches if HAS_VECTORS else measure_faces_scalar
 _measure_stretched = _measure_stretched_batches if HAS_VECTORS else measure_faces_scalar
 
 

@@ -30,30 +30,18 @@ from multicor_cli.engine.contact.face_sweep import (
     A_T,
     B_N,
     B_T,
-    I_NN,
-    I_NT,
-    I_TT,
     MINUS,
     PLUS,
     ROWS,
     Q,
+    fill_inverse,
 )
 from multicor_cli.engine.contact.law import GRAZE, bias
 from multicor_cli.engine.contact.ordering import make_batches
-from multicor_cli.engine.contact.vector_step import (
-    FRICTION,
-    IMPACT,
-    LARGEST,
-    LOADED,
-    NEGATIVE,
-    OVERLAP,
-    SLIDING,
-    VIRIAL,
-)
 from multicor_cli.engine.contact.vector_sweep import PAIR_ROWS
-from multicor_cli.engine.geometry.outlines import Point, circle_gap, gap_at_least, true_gap
+from multicor_cli.engine.geometry.outlines import Point
 from multicor_cli.engine.geometry.passing import fastest_points, touch_passing
-from multicor_cli.engine.geometry.pieces import Pieces, are_convex, pieces_met
+from multicor_cli.engine.geometry.pieces import Pieces, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.arrays import aligned, copy_into
@@ -106,11 +94,6 @@ class FacePairs(NamedTuple):
         ends = np.cumsum(self.room)
         count = int(ends[-1]) if ends.size else 0
         return np.repeat(self.first - ends + self.room, self.room) + np.arange(count)
-
-    @property
-    def most(self) -> int:
-        """Largest room of a pair."""
-        return int(self.room.max(initial=0))
 
 
 STEEP = 0.95
@@ -235,19 +218,22 @@ def _fastest_of(
 @kernel
 def begin_faces(
     scene: Scene, pieces: Pieces, laws: ContactLaws, start: Floats, free: Floats, dt: float,
-    ratio: float, least: float, ahead: float, faces: FacePairs, most: int,
-    stopped: NDArray[np.bool_], contacts: Contacts,
+    ratio: float, least: float, ahead: float, faces: FacePairs, stopped: NDArray[np.bool_],
+    contacts: Contacts,
 ) -> tuple[Speeds, float, Floats]:  # fmt: skip
     """Find the points of pairs that may close, with impulses of those known before.
 
-    Arguments as `begin_walls`; ``most`` is the largest room of a pair. Points count up to a gap of
-    ``least`` [m], up to what the pair closes within the time ``ahead`` [s] with its velocities
-    ``start`` or ``free``, and up to what it may close once it is struck. A point that is new takes
-    the impulse of one of its pair that is no more. Points of grains that are ``stopped``, shape
-    ``(n,)``, do not rebound (`stop_rebounds`). **Modifies** ``contacts``. Also returns the gap up
-    to which there should have been room [m], 0 if there was room for all, and the smallest gap of
-    each pair that did not count, shape ``(f,)``.
+    Arguments as `begin_walls`. Points count up to a gap of ``least`` [m], up to what the pair
+    closes within the time ``ahead`` [s] with its velocities ``start`` or ``free``, and up to what
+    it may close once it is struck. A point that is new takes the impulse of one of its pair that is
+    no more. Points of grains that are ``stopped``, shape ``(n,)``, do not rebound
+    (`stop_rebounds`). **Modifies** ``contacts``. Also returns the gap up to which there should have
+    been room [m], 0 if there was room for all, and the smallest gap of each pair that did not
+    count, shape ``(f,)``.
     """
+    most = 0
+    for room in faces.room:
+        most = max(most, room)
     known_key, known = np.empty(most, np.int64), np.empty((most, 2))
     squares, closing, shear, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     lacking, beyond = 0.0, np.empty(faces.first.size)
@@ -444,7 +430,7 @@ def pack_row(
     g: int, c: int, scene: Scene, contacts: Contacts, belt: Floats, place: Ints, inverse: Floats,
     pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
 ) -> None:  # fmt: skip
-    """The record c of a point into the row g; arrays as in `pack_general`, **modified**."""
+    """The record c of a contact, with its turns, into the row g; as `pack_general`."""
     n, contact = scene.radius.size, contacts[c]
     i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
     pair[g, FIRST] = place[i]
@@ -551,19 +537,12 @@ def _fill_block(
         block_pair[q, side, lane] = 4 * pair[g, side]
     for row in range(8):
         block[q, row, lane] = frame[g, row]
-    block[q, A_N, lane], block[q, A_T, lane] = (
-        lever[g, FIRST, NORMAL],
-        lever[g, FIRST, TANGENTIAL],
-    )
+    block[q, A_N, lane], block[q, A_T, lane] = lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL]
     block[q, B_N, lane], block[q, B_T, lane] = (
         lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL],
     )  # fmt: skip
-    w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
-    over = 1.0 / (w_nn * w_tt - w_nt * w_nt) if is_there else 0.0
-    steep = w_nt / w_nn
-    block[q, I_NN, lane], block[q, I_NT, lane], block[q, I_TT, lane] = (
-        w_tt * over, -w_nt * over, w_nn * over,
-    )  # fmt: skip
+    fill_inverse(q, lane, g, frame, is_there, block)
+    steep = frame[g, W_NT] / frame[g, W_NN]
     block[q, Q, lane] = steep
     block[q, PLUS, lane] = 1.0 / (1.0 + frame[g, MU] * steep)
     block[q, MINUS, lane] = 1.0 / (1.0 - frame[g, MU] * steep)
@@ -596,65 +575,6 @@ def unpack_points(points: Ints, impulse: Floats, contacts: Contacts) -> None:
             continue
         contacts[points[g]].p_n = impulse[g, NORMAL]
         contacts[points[g]].p_t = impulse[g, TANGENTIAL]
-
-
-# ---- What they lose and exert
-
-
-@kernel
-def account_faces(
-    scene: Scene, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats,
-    faces: FacePairs, dt: float, total: Floats, wall_impulse: Floats, belt_impulse: Floats,
-    overlaps: Floats,
-) -> float:  # fmt: skip
-    """As `account_contacts`, of faces; **modifies** what that returns, but for the work of adhesion
-    [J], which is returned.
-
-    And ``overlaps`` of pairs at the end of the step over their smaller radii, shape ``(f,)``: of
-    all above `GRAZE`, and of the largest below it. Others need no look: no pair overlaps more than
-    the circles around it, or, of a piece each, than over one of its edges.
-    """
-    attracted, deepest = 0.0, 0.0
-    for f in range(faces.first.size):
-        base, i, j = faces.first[f], faces.i[f], faces.j[f]
-        size, overlaps[f] = smaller_of(end, i, j), 0.0
-        least = circle_gap(end, i, j)
-        if least < 0.0 and are_convex(pieces_end, i, j):
-            least = gap_at_least(end, pieces_end, i, j)
-        if least < -deepest * size:
-            overlaps[f] = max(0.0, -true_gap(end, pieces_end, i, j)[0] / size)
-            total[OVERLAP] = max(total[OVERLAP], overlaps[f])
-            if overlaps[f] <= GRAZE:
-                deepest = max(deepest, overlaps[f])
-        for c in range(base, base + faces.room[f]):
-            contact = contacts[c]
-            q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
-            if q_n == 0.0 and attraction == 0.0:
-                continue
-            p_n = q_n - attraction
-            nx, ny, lx, ly = contact.nx, contact.ny, contact.lever_x, contact.lever_y
-            u_n, u_t = contact_after(c, scene, contacts, after)
-            impact, friction = -q_n * 0.5 * (contact.u_n + u_n), -p_t * 0.5 * (contact.u_t + u_t)
-            attracted -= attraction * 0.5 * (contact.u_n + u_n)
-            total[FRICTION] += friction
-            total[IMPACT] += impact
-            total[SLIDING] += contact.mu * abs(u_t) * q_n
-            total[NEGATIVE] += min(0.0, friction + impact)
-            total[LOADED] += 1.0 if q_n > 0.0 else 0.0
-            total[LARGEST] = max(total[LARGEST], p_n)
-            px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
-            if j < scene.radius.size:
-                total[VIRIAL] += px * lx
-                total[VIRIAL + 1] += px * ly
-                total[VIRIAL + 2] += py * lx
-                total[VIRIAL + 3] += py * ly
-                continue
-            wall = scene.wall[j - scene.radius.size]
-            wall_impulse[wall, X] -= px
-            wall_impulse[wall, Y] -= py
-            wall_impulse[wall, SPIN] -= lx * py - ly * px
-            belt_impulse[wall] -= p_t
-    return attracted
 
 
 def blocks_for(batches: int) -> tuple[Ints, Floats]:

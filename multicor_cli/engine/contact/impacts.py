@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.contact.contacts import Contacts, contact_after, friction_between
+from multicor_cli.engine.contact.contacts import (
+    Contacts,
+    contact_after,
+    friction_between,
+    recall_lane,
+)
 from multicor_cli.engine.contact.law import solve_exact
 from multicor_cli.engine.contact.meetings import Air, relative, wall_at
 from multicor_cli.engine.geometry.scene import Scene
@@ -51,6 +56,11 @@ COLUMNS = _CONVECTED + 3
 of the step convects otherwise than if the impact had been at its start: xx, yy, xy [J s]."""
 
 
+@formula
+def _in_world(p_n: float, p_t: float, nx: float, ny: float) -> tuple[float, float]:
+    return p_n * nx - p_t * ny, p_n * ny + p_t * nx
+
+
 @loop_body
 def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said: Floats) -> None:
     """An impact of two bodies that touch: new starts of the grains, and a row of `Impacts`."""
@@ -80,7 +90,7 @@ def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said
     p_n, p_t = solve_exact(
         0.0, 0.0, (1.0 + laws.restitution[a, b]) * approach, u_t, 1.0 / inverse, 1.0 / turning, mu
     )
-    px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
+    px, py = _in_world(p_n, p_t, nx, ny)
     for side in range(1 if is_wall else 2):
         k, sign = (i, 1.0) if side == 0 else (j, -1.0)
         m = bodies[k, INVERSE_MASS]
@@ -143,8 +153,7 @@ def convected_by(impacts: Impacts, change: Floats) -> Floats:
     convected = np.zeros(3)
     for e in range(impacts.i.size):
         said = impacts.said[e]
-        px = said[P_N] * said[_NX] - said[_P_T] * said[_NY]
-        py = said[P_N] * said[_NY] + said[_P_T] * said[_NX]
+        px, py = _in_world(said[P_N], said[_P_T], said[_NX], said[_NY])
         given = change[XX] * px * said[_LEVER_X] + change[YY] * py * said[_LEVER_Y]
         given += change[XY] * px * said[_LEVER_Y]
         for d in range(3):
@@ -174,20 +183,6 @@ def are_contacts(impacts: Impacts, i: Ints, j: Ints) -> bool:
     for k in range(impacts.i.size):
         missing += row_of(i, j, impacts.i[k], impacts.j[k]) < 0
     return missing == 0
-
-
-@formula
-def _recall(
-    contact: Any, i: int, j: int, frame: Floats, impulse: Floats, before: Floats, gap: Floats,
-    branch: Floats, q: int, k: int,
-) -> None:  # fmt: skip
-    """What the lanes hold of two grains i and j, into their contact."""
-    contact.i, contact.j, contact.key = i, j, -1
-    contact.nx, contact.ny, contact.gap = frame[q, NX, k], frame[q, NY, k], gap[q, k]
-    contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
-    contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
-    if branch.size:
-        contact.lever_x, contact.lever_y = branch[q, X, k], branch[q, Y, k]
 
 
 @formula
@@ -222,10 +217,10 @@ def enter_impacts(
         contact, is_wall = contacts[c], j[c] >= count
         q, k = lane[c] // LANES, lane[c] % LANES
         if not is_wall:
-            _recall(contact, i[c], j[c], frame, impulse, before, gap, branch, q, k)
+            recall_lane(contact, i[c], j[c], frame, impulse, before, gap, branch, q, k)
         rows[e], known[e, NORMAL], known[e, TANGENTIAL] = c, contact.p_n, contact.p_t
         nx, ny = said[_NX], said[_NY]
-        px, py = said[P_N] * nx - said[_P_T] * ny, said[P_N] * ny + said[_P_T] * nx
+        px, py = _in_world(said[P_N], said[_P_T], nx, ny)
         if scene.height > 0.0:
             _add(virial, px, py, said[_LEVER_X] - contact.lever_x, said[_LEVER_Y] - contact.lever_y)
         impact, friction, along = said[_IMPACT], said[_FRICTION], said[_P_T]
@@ -234,10 +229,7 @@ def enter_impacts(
             u_n, u_t = contact_after(c, scene, contacts, after)
             impact -= contact.p_n * 0.5 * (contact.u_n + u_n)
             friction -= contact.p_t * 0.5 * (contact.u_t + u_t)
-            dx, dy = (
-                contact.p_n * contact.nx - contact.p_t * contact.ny,
-                contact.p_n * contact.ny + contact.p_t * contact.nx,
-            )
+            dx, dy = _in_world(contact.p_n, contact.p_t, contact.nx, contact.ny)
             torque += contact.lever_x * dy - contact.lever_y * dx
             px, py, along = px + dx, py + dy, along + contact.p_t
             # The normal for which what acts along the surface is the sum, too

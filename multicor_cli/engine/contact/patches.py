@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.complementarity import find_solution
-from multicor_cli.engine.contact.face_sweep import I_NN, I_NT, I_TT, FaceBatches
+from multicor_cli.engine.contact.face_sweep import FaceBatches, fill_inverse
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
-from multicor_cli.engine.contact.rolling import couple_square, couple_velocity, push_couple
+from multicor_cli.engine.contact.rolling import couple_correction, couple_velocity, push_couple
 from multicor_cli.engine.contact.sweep import (
     System,
     general_velocity,
@@ -54,9 +54,6 @@ from multicor_cli.model.columns import (
     SECOND,
     SPIN,
     TANGENTIAL,
-    W_NN,
-    W_NT,
-    W_TT,
     XX,
     YY,
     X,
@@ -111,12 +108,8 @@ def _contact_of(couple: int, s: System) -> int:
 def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
     """Contacts that carry an impulse or would; e_c² of all, with e_r² of their couples [m²/s²]."""
     lanes = s.slot.size
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
+    velocity, pair = s.velocity.reshape(-1), s.pair.reshape(-1)
+    frame, impulse = s.frame.reshape(-1), s.impulse.reshape(-1)
     active = np.empty(lanes + s.general_pair.shape[0], np.bool_)
     square = np.empty(active.size)
     for k in range(active.size):
@@ -127,9 +120,8 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
         else:
             square[k], _, _, active[k] = measure_general(k - lanes, s)
     for r in range(s.couples.impulse.size):
-        square[_contact_of(r, s)] += couple_square(
-            r, s.couples, s.velocity, impulse, s.general_impulse
-        )
+        off = couple_correction(r, s.couples, s.velocity, impulse, s.general_impulse)
+        square[_contact_of(r, s)] += off * off
     return active, square
 
 
@@ -253,12 +245,8 @@ class _Patch(NamedTuple):
 @kernel
 def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
     count, lanes, couples = contact.size, s.slot.size, s.couples
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
+    velocity, pair = s.velocity.reshape(-1), s.pair.reshape(-1)
+    frame, impulse = s.frame.reshape(-1), s.impulse.reshape(-1)
     place = np.full(lanes + s.general_pair.shape[0] if couples.impulse.size else 0, -1, np.int64)
     for k in range(count if place.size else 0):
         place[contact[k]] = k
@@ -282,11 +270,8 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
             if s.cell.branch.size:
                 for d in range(2):
                     patch.branch[k, d] = s.cell.branch[c // 4, d, c % 4]
-            patch.normal[k, X], patch.normal[k, Y], patch.friction[k] = (
-                frame[f],
-                frame[f + NY_],
-                frame[f + MU_],
-            )
+            patch.normal[k, X], patch.normal[k, Y] = frame[f], frame[f + NY_]
+            patch.friction[k] = frame[f + MU_]
             patch.lever[k], patch.lever[t] = 0.0, -1.0
             patch.impulse[k], patch.impulse[t] = impulse[p], impulse[p + TANGENTIAL_]
         else:
@@ -301,23 +286,17 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
             for row, direction in ((k, NORMAL), (t, TANGENTIAL)):
                 patch.lever[row, FIRST] = s.general_lever[g, FIRST, direction]
                 patch.lever[row, SECOND] = -s.general_lever[g, SECOND, direction]
-            patch.impulse[k], patch.impulse[t] = (
-                s.general_impulse[g, NORMAL],
-                s.general_impulse[g, TANGENTIAL],
-            )
+            patch.impulse[k] = s.general_impulse[g, NORMAL]
+            patch.impulse[t] = s.general_impulse[g, TANGENTIAL]
         patch.velocity[k], patch.velocity[t] = u_n, u_t
     for r in range(couple.size):
         row = 2 * count + r
         patch.owner[row] = place[_contact_of(couple[r], s)]
-        patch.lever[row, FIRST], patch.lever[row, SECOND] = (
-            couples.arm[couple[r], FIRST],
-            -couples.arm[couple[r], SECOND],
-        )
+        patch.lever[row, FIRST] = couples.arm[couple[r], FIRST]
+        patch.lever[row, SECOND] = -couples.arm[couple[r], SECOND]
         patch.friction[count + r] = couples.limit[couple[r]]
-        patch.impulse[row], patch.velocity[row] = (
-            couples.impulse[couple[r]],
-            couple_velocity(couple[r], couples, s.velocity),
-        )
+        patch.impulse[row] = couples.impulse[couple[r]]
+        patch.velocity[row] = couple_velocity(couple[r], couples, s.velocity)
     return patch
 
 
@@ -396,10 +375,8 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
     new = np.zeros(rows)
     if scale == 0.0:
         return True, new
-    matrix, vector = (
-        np.zeros((rows + with_friction, rows + with_friction)),
-        np.zeros(rows + with_friction),
-    )
+    matrix = np.zeros((rows + with_friction, rows + with_friction))
+    vector = np.zeros(rows + with_friction)
     for k in range(rows):
         vector[k] = q[k] / scale
         for c in range(count):
@@ -460,12 +437,8 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
     if not is_solved:
         return False
     lanes = s.slot.size
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
+    velocity, pair = s.velocity.reshape(-1), s.pair.reshape(-1)
+    frame, impulse = s.frame.reshape(-1), s.impulse.reshape(-1)
     count = patch.contact.size
     for k in range(count):
         c = patch.contact[k]
@@ -509,11 +482,7 @@ def _hold_points(
         if g < faces.first:
             continue
         q, lane = (g - faces.first) // LANES, (g - faces.first) % LANES
-        w_nn, w_nt, w_tt = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT]
-        over = 0.0 if is_held else 1.0 / (w_nn * w_tt - w_nt * w_nt)
-        faces.block[q, I_NN, lane] = w_tt * over
-        faces.block[q, I_NT, lane] = -w_nt * over
-        faces.block[q, I_TT, lane] = w_nn * over
+        fill_inverse(q, lane, g, frame, not is_held, faces.block)
 
 
 @kernel

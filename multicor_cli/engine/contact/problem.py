@@ -12,7 +12,7 @@ from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
-from multicor_cli.engine.contact.system import Batches, OneByOne, batch, by_slot
+from multicor_cli.engine.contact.system import OneByOne, by_slot, one_tile
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model.columns import (
@@ -109,10 +109,8 @@ class ContactProblem:
         (nx, ny), levers = self.normal.T, np.empty((len(self.pair), 2, 2))
         for side in (FIRST, SECOND):
             lx, ly = self.lever[:, side].T
-            levers[:, side, NORMAL], levers[:, side, TANGENTIAL] = (
-                lx * ny - ly * nx,
-                lx * nx + ly * ny,
-            )
+            levers[:, side, NORMAL] = lx * ny - ly * nx
+            levers[:, side, TANGENTIAL] = lx * nx + ly * ny
         return levers
 
     def delassus(self) -> Floats:
@@ -189,18 +187,11 @@ def solve_contacts(
         violation = violation[violation < 0.0]
         reference_velocity = math.sqrt(mean(violation * violation)) if violation.size else 0.0
     movable = problem.inverse_mass[:, X] > 0.0
-    energy = (
-        0.5
-        * total(1.0 / problem.inverse_mass[movable, X])
-        * (reference_velocity * reference_velocity)
-    )
+    energy = 0.5 * total(1.0 / problem.inverse_mass[movable, X])
+    energy *= reference_velocity * reference_velocity
     add_impulses(system)
-    outcome = solve_system(
-        system,
-        ResidualScale(reference_velocity, reference_velocity, energy),
-        settings,
-        ThreadChoice(),
-    )
+    scale = ResidualScale(reference_velocity, reference_velocity, energy)
+    outcome = solve_system(system, scale, settings, ThreadChoice())
     velocity = system.velocity[: len(problem.velocity), :INVERSE_MASS].copy()
     if arm is not None:
         spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)
@@ -218,21 +209,12 @@ def solve_contacts(
 
 def free_velocity(problem: ContactProblem) -> Floats:
     """u_n and u_t of the free velocities [m/s], shape ``(c, 2)``."""
-    vi, vj = problem.velocity[problem.pair[:, FIRST]], problem.velocity[problem.pair[:, SECOND]]
     (nx, ny), lever = problem.normal.T, problem.levers()
-    dx, dy = vi[:, X] - vj[:, X], vi[:, Y] - vj[:, Y]
-    u_n = (
-        dx * nx
-        + dy * ny
-        + vi[:, SPIN] * lever[:, FIRST, NORMAL]
-        - vj[:, SPIN] * lever[:, SECOND, NORMAL]
-    )
-    u_t = (
-        dy * nx
-        - dx * ny
-        + vi[:, SPIN] * lever[:, FIRST, TANGENTIAL]
-        - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
-    )
+    vi, vj = (problem.velocity[problem.pair[:, side]] for side in (FIRST, SECOND))
+    (i_n, i_t), (j_n, j_t) = lever[:, FIRST].T, lever[:, SECOND].T
+    (dx, dy), spin_i, spin_j = (vi - vj)[:, :SPIN].T, vi[:, SPIN], vj[:, SPIN]
+    u_n = dx * nx + dy * ny + spin_i * i_n - spin_j * j_n
+    u_t = dy * nx - dx * ny + spin_i * i_t - spin_j * j_t
     return np.column_stack([u_n, u_t - problem.slide])
 
 
@@ -244,21 +226,9 @@ def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     velocity = np.zeros((len(problem.velocity), 4))
     velocity[:, :INVERSE_MASS] = problem.velocity
     nothing = OneByOne(np.empty((0, 2), np.int32), np.empty((0, 5)), np.empty((0, 2)))
-    return _system(
-        batch(nothing, velocity), problem.inverse_mass.copy(), problem.pair.astype(np.int32), frame,
-        problem.levers(), impulse, 1.0,
-    )  # fmt: skip
-
-
-def _system(
-    diagonal: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
-    spin_factor: float,
-) -> System:  # fmt: skip
-    count = int(np.count_nonzero(diagonal.slot >= 0)) + len(pair)
-    return System(
-        diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
-        diagonal.tile_start,
-        np.array([0, 1]), pair, frame, lever, impulse, spin_factor, count,
+    return one_tile(nothing, velocity, problem.inverse_mass.copy(), 1.0)._replace(
+        general_pair=problem.pair.astype(np.int32), general_frame=frame,
+        general_lever=problem.levers(), general_impulse=impulse, contacts=len(problem.pair),
     )  # fmt: skip
 
 
@@ -274,10 +244,8 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     if not movable.any() or (arm[movable] <= 0.0).any() or (inverse[movable, X] == 0.0).any():
         return None
     expected = np.zeros_like(lever)
-    expected[:, FIRST, TANGENTIAL], expected[:, SECOND, TANGENTIAL] = (
-        -arm[problem.pair[:, FIRST]],
-        arm[problem.pair[:, SECOND]],
-    )
+    expected[:, FIRST, TANGENTIAL] = -arm[problem.pair[:, FIRST]]
+    expected[:, SECOND, TANGENTIAL] = arm[problem.pair[:, SECOND]]
     fixed_j = ~movable[problem.pair[:, SECOND]]
     relevant = np.ones_like(lever, bool)
     relevant[fixed_j, SECOND] = False
@@ -309,13 +277,8 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
         velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS]
     )
     frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
-    diagonal = batch(OneByOne(pair, frame, impulse), velocity)
-    nothing = np.empty((0, 2), np.int32)
-    system = _system(
-        diagonal, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)),
-        np.empty((0, 2)), float(beta[0]),
-    )  # fmt: skip
-    return system, arm
+    rows = OneByOne(pair, frame, impulse)
+    return one_tile(rows, velocity, np.zeros((bodies, 3)), float(beta[0])), arm
 
 
 def problem_of_step(

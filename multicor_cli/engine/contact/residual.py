@@ -126,15 +126,9 @@ def _measure_chunk(
     beta: float, cell: CellTerms, partial: Floats,
 ) -> None:  # fmt: skip
     last = min(batches, (chunk + 1) * BATCHES)
-    squares, normal, tangential, largest, active = _measure(
-        chunk * BATCHES, last, velocity, pair, frame, impulse, beta, cell
-    )
-    partial[chunk, _SQUARES], partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = (
-        squares,
-        normal,
-        tangential,
-    )
-    partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
+    found = _measure(chunk * BATCHES, last, velocity, pair, frame, impulse, beta, cell)
+    for k in range(5):
+        partial[chunk, k] = found[k]
 
 
 @threaded_loop
@@ -171,12 +165,8 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         sweep, over all faces, or over all other general contacts, and |Σ p_r e_r| of all couples
         [J]; and the number of these contacts and couples.
     """
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
+    velocity, pair = s.velocity.reshape(-1), s.pair.reshape(-1)
+    frame, impulse = s.frame.reshape(-1), s.impulse.reshape(-1)
     batches = s.slot.shape[0]
     partial = np.empty((-(-batches // BATCHES), 5))
     if parallel:

@@ -136,14 +136,10 @@ def pack_couples(
     is_wall, effective = j >= scene.radius.size, rolling["arm"]
     body, arm = np.empty((contact.size, 2), np.int32), np.empty((contact.size, 2))
     body[:, FIRST], arm[:, FIRST] = place[i], effective / scene.radius[i]
-    body[~is_wall, SECOND], arm[~is_wall, SECOND] = (
-        place[j[~is_wall]],
-        effective[~is_wall] / scene.radius[j[~is_wall]],
-    )
-    body[is_wall, SECOND], arm[is_wall, SECOND] = (
-        scene.radius.size + scene.wall[j[is_wall] - scene.radius.size],
-        effective[is_wall],
-    )
+    body[~is_wall, SECOND] = place[j[~is_wall]]
+    arm[~is_wall, SECOND] = effective[~is_wall] / scene.radius[j[~is_wall]]
+    body[is_wall, SECOND] = scene.radius.size + scene.wall[j[is_wall] - scene.radius.size]
+    arm[is_wall, SECOND] = effective[is_wall]
     spins = inverse[body, SPIN]
     mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (
         arm[:, SECOND] * arm[:, SECOND]
@@ -229,22 +225,13 @@ def relax_couples(
 
 
 @loop_body
-def _correction(
+def couple_correction(
     k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
 ) -> float:
     """Velocity correction e_r of one couple [m/s], arguments as `relax_couples`."""
     p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
     u_r = couple_velocity(k, couples, velocity)
     return (solve_rolling(p_r, u_r, couples.inverse[k], bound) - p_r) / couples.inverse[k]
-
-
-@loop_body
-def couple_square(
-    k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
-) -> float:
-    """Square of e_r of one couple [m²/s²], arguments as `relax_couples`."""
-    correction = _correction(k, couples, velocity, impulse, general_impulse)
-    return correction * correction
 
 
 @loop_body
@@ -259,7 +246,7 @@ def measure_couples(
     squares, largest, power, active = 0.0, 0.0, 0.0, 0.0
     for k in range(couples.impulse.size):
         p_r = couples.impulse[k]
-        correction = _correction(k, couples, velocity, impulse, general_impulse)
+        correction = couple_correction(k, couples, velocity, impulse, general_impulse)
         squares += correction * correction
         largest = max(largest, correction * correction)
         power += p_r * correction

@@ -109,11 +109,9 @@ def closing_velocity(
 
     No two points of such a pair approach faster, whatever its normal.
     """
-    if pieces is None:
-        return normal_velocity(scene, velocity, i, j, nx, ny, gap)
-    if not are_faces(pieces, i, j):
-        return normal_velocity(scene, velocity, i, j, nx, ny, gap)
-    return -fastest_points(scene, pieces, velocity, i, j)
+    if pieces is not None and are_faces(pieces, i, j):
+        return -fastest_points(scene, pieces, velocity, i, j)
+    return normal_velocity(scene, velocity, i, j, nx, ny, gap)
 
 
 @kernel
@@ -190,14 +188,13 @@ def beside_gap(
     scene: Scene, pieces: Pieces | None, i: int, j: int, cutoff: float
 ) -> tuple[float, float, float]:
     """Gap and normal of a pair, the true gap of grains that are no discs and nearer than that."""
-    if pieces is None:
-        return pair_geometry(scene, i, j)
-    if not are_faces(pieces, i, j):
-        return pair_geometry(scene, i, j)
-    apart = circle_gap(scene, i, j)
-    if apart < cutoff:
-        return true_gap(scene, pieces, i, j)
-    return (apart, 0.0, 1.0) if j < scene.radius.size else pair_geometry(scene, i, j)
+    if pieces is not None and are_faces(pieces, i, j):
+        apart = circle_gap(scene, i, j)
+        if apart < cutoff:
+            return true_gap(scene, pieces, i, j)
+        if j < scene.radius.size:
+            return apart, 0.0, 1.0
+    return pair_geometry(scene, i, j)
 
 
 @parallel_kernel
@@ -495,13 +492,9 @@ class Selection:
         self.contacts["key"][rows] = -1
 
     def schedule(
-        self,
-        scene: Scene,
-        wall_is_free: NDArray[np.bool_],
-        laws: ContactLaws,
-        bodies: Floats,
+        self, scene: Scene, wall_is_free: NDArray[np.bool_], laws: ContactLaws, bodies: Floats,
         state: State,
-    ) -> Schedule:
+    ) -> Schedule:  # fmt: skip
         """Order and places of the contacts, which hold the impulses of the last step.
 
         The lanes know them unless ``state`` has another array of impulses than it was given.
@@ -618,20 +611,12 @@ class Selection:
         """As `find_closing`, of all pairs; the list is complete up to ``cutoff`` and ``reach``."""
         return find_closing(scene, pieces, *self.beside, start, end, cutoff, dt, reach)
 
-    def overlap_beside(self, scene: Scene, pieces: Pieces | None) -> float:
-        """Largest overlap at the end of a step of pairs that are no contacts, over the radius.
-
-        They did not close within the step: on a straight way a gap between discs is convex, so they
-        are apart. Pieces of walls may turn or curve.
-        """
-        return deepest_overlap(scene, pieces, *self._walls_beside)
-
     def deep_pairs(self, least: float) -> tuple[Ints, Ints, float]:
         """As `deep_pairs` of a step of discs with walls, by what its lanes have been told."""
         lanes = self.lanes
         return deep_pairs(lanes.depth, lanes.slot, lanes.of_walls, self.i, self.j, least)
 
     def with_walls(self) -> tuple[Ints, Ints]:
-        """The contacts, and the pairs of `overlap_beside`."""
+        """The contacts, and `walls_beside` as the step has looked at them."""
         i, j = self._walls_beside
         return np.concatenate([self.pair_i, i]), np.concatenate([self.pair_j, j])

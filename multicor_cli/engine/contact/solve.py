@@ -153,14 +153,10 @@ class ResidualScale(NamedTuple):
         reference = max(load, LARGEST * rms)
         bounce = restitution if closing else 0.0
         return cls(
-            rms,
-            reference,
-            0.5 * mass * ((load or reference) * reference),
-            speeds.motion / speeds.met if speeds.met else math.inf,
-            load,
-            max(1.0 - bounce * bounce, LEAST_LOSS),
-            max(rounding, REST_FLOOR * rms),
-        )
+            rms, reference, 0.5 * mass * ((load or reference) * reference),
+            speeds.motion / speeds.met if speeds.met else math.inf, load,
+            max(1.0 - bounce * bounce, LEAST_LOSS), max(rounding, REST_FLOOR * rms),
+        )  # fmt: skip
 
     def tolerances(self, settings: Settings) -> Tolerances:
         rms, wanted = settings.tolerance_rms * self.rms, math.inf
@@ -169,11 +165,9 @@ class ResidualScale(NamedTuple):
             at_rest = max(STILL_SHARE, REST_SHARE * min(1.0, moves / STILL))
             wanted = max(max(at_rest, moves * PER_LOAD) * self.motion, self.least)
         return Tolerances(
-            rms,
-            settings.tolerance_max * self.velocity,
-            settings.tolerance_energy * self.energy,
+            rms, settings.tolerance_max * self.velocity, settings.tolerance_energy * self.energy,
             min(1.0, PER_LOSS * self.lost, wanted / rms),
-        )
+        )  # fmt: skip
 
 
 SHEARS, STRAY, LARGEST = 40.0, 1.0 / 12.0, 0.2
@@ -219,12 +213,9 @@ class Outcome(NamedTuple):
 
 
 def solve_system(
-    system: System,
-    scale: ResidualScale,
-    settings: Settings,
-    pace: ThreadChoice,
+    system: System, scale: ResidualScale, settings: Settings, pace: ThreadChoice,
     should_stop: Callable[[], bool] | None = None,
-) -> Outcome:
+) -> Outcome:  # fmt: skip
     """Sweep until the three tolerances are met or the cap is reached.
 
     Velocities match impulses at first; both are **modified**. ``pace`` decides between one thread
@@ -253,12 +244,8 @@ def solve_system(
                 system, momentum, local, settings.method == "accelerated", parallel, limit, is_last,
                 tolerance, memory, partial,
             )  # fmt: skip
-            pace.note(
-                count,
-                parallel,
-                (float(loop["sweeps"]) - done) * count,
-                time.perf_counter() - started,
-            )
+            taken = time.perf_counter() - started
+            pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, taken)
             if loop["is_stuck"]:
                 # Where fresh momentum has not helped either, errors are patched wherever they are
                 stuck += 1
@@ -279,12 +266,10 @@ def solve_system(
     finally:
         use_threads(outside)  # the caller may have chosen it
     return Outcome(
-        float(loop["sweeps"] + loop["checks"]),
-        bool(loop["is_converged"]),
-        float(loop["rms"] / scale.rms),
-        float(loop["maximum"] / scale.velocity),
+        float(loop["sweeps"] + loop["checks"]), bool(loop["is_converged"]),
+        float(loop["rms"] / scale.rms), float(loop["maximum"] / scale.velocity),
         float(loop["energy"] / scale.energy),
-    )
+    )  # fmt: skip
 
 
 TURNS, SWEEPS, FUTILE = 40, 10, 12

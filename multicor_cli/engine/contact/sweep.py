@@ -300,18 +300,10 @@ def relax_moving_lane(
     q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
-    xi, yi, si, mi = (
-        velocity[i],
-        velocity[i + Y_],
-        velocity[i + SURFACE_],
-        velocity[i + INVERSE_MASS_],
-    )
-    xj, yj, sj, mj = (
-        velocity[j],
-        velocity[j + Y_],
-        velocity[j + SURFACE_],
-        velocity[j + INVERSE_MASS_],
-    )
+    xi, yi = velocity[i], velocity[i + Y_]
+    si, mi = velocity[i + SURFACE_], velocity[i + INVERSE_MASS_]
+    xj, yj = velocity[j], velocity[j + Y_]
+    sj, mj = velocity[j + SURFACE_], velocity[j + INVERSE_MASS_]
     dx, dy = xi - xj + more_x, yi - yj + more_y
     u_n = dx * nx + dy * ny + frame[f + BIAS_]
     u_t = dy * nx - dx * ny - (si + sj)
@@ -330,16 +322,10 @@ def relax_moving_lane(
     px = d_n * nx - d_t * ny
     py = d_n * ny + d_t * nx
     spin = beta * d_t
-    velocity[i], velocity[i + Y_], velocity[i + SURFACE_] = (
-        xi + mi * px,
-        yi + mi * py,
-        si - mi * spin,
-    )
-    velocity[j], velocity[j + Y_], velocity[j + SURFACE_] = (
-        xj - mj * px,
-        yj - mj * py,
-        sj - mj * spin,
-    )
+    velocity[i], velocity[i + Y_] = xi + mi * px, yi + mi * py
+    velocity[i + SURFACE_] = si - mi * spin
+    velocity[j], velocity[j + Y_] = xj - mj * px, yj - mj * py
+    velocity[j + SURFACE_] = sj - mj * spin
     w = mi + mj
     c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
     onward = c_n * (new_n - now_n) + c_t * (new_t - now_t)
@@ -364,19 +350,6 @@ def relax_scalar(
         # Each lane for itself: the sums take turns
         squares, onward = take_turns(squares, square), take_turns(onward, on)
     return sum_lanes(squares), sum_lanes(onward)
-
-
-@loop_body
-def _relax_exact_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
-    before: Floats, beta: float,
-    normal: float, tangential: float, extrapolation: float,
-) -> tuple[float, float]:  # fmt: skip
-    way = Relaxation(normal, tangential, extrapolation)
-    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, EXACT, way)
-
-
-_relax_exact = relax_batches if HAS_VECTORS else _relax_exact_scalar
 
 
 @formula
@@ -426,21 +399,6 @@ def relax_stretched_scalar(
     return sum_lanes(squares), sum_lanes(onward)
 
 
-@loop_body
-def _relax_exact_stretched_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
-    before: Floats, beta: float, normal: float, tangential: float, extrapolation: float,
-    branch: Floats, own: Floats,
-) -> tuple[float, float]:  # fmt: skip
-    way = Relaxation(normal, tangential, extrapolation)
-    return relax_stretched_scalar(
-        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, own
-    )
-
-
-_relax_exact_stretched = relax_stretched_batches if HAS_VECTORS else _relax_exact_stretched_scalar
-
-
 @kernel
 def _relax_stretched(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
@@ -449,8 +407,8 @@ def _relax_stretched(
 ) -> tuple[float, float]:  # fmt: skip
     """Relax a tile of a cell; arguments as `begin_gradient` and `relax_stretched_scalar`."""
     begin_gradient(gradient, inverse, tiles, own)
-    if local == EXACT:
-        return _relax_exact_stretched(
+    if HAS_VECTORS and local == EXACT:
+        return relax_stretched_batches(  # type: ignore[no-any-return]
             first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
             way.extrapolation, branch, own,
         )  # fmt: skip
@@ -465,12 +423,12 @@ def _relax_range(
     before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> tuple[float, float]:  # fmt: skip
-    if local == EXACT:
-        return _relax_exact(
+    if HAS_VECTORS and local == EXACT:
+        return relax_batches(  # type: ignore[no-any-return]
             first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
             way.extrapolation
         )  # fmt: skip
-    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, BIPOTENTIAL, way)
+    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, local, way)
 
 
 @threaded_loop
@@ -530,12 +488,8 @@ def sweep(
     theirs). Results on several threads (``parallel``), which relax the tiles of one color, are the
     same. ``partial`` is work space, shape ``(tiles, 2)``.
     """
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
+    velocity, pair = s.velocity.reshape(-1), s.pair.reshape(-1)
+    frame, impulse = s.frame.reshape(-1), s.impulse.reshape(-1)
     last, start, beta = before.impulse.reshape(-1), s.tile_start, s.spin_factor
     branch = s.cell.branch.reshape(-1)
     gradient, inverse = s.velocity[s.cell.row], s.inverse[s.cell.row]

@@ -16,10 +16,11 @@ from multicor_cli.engine.contact.faces import (
     batch_points,
     blocks_for,
     pack_faces,
+    pack_row,
     unpack_points,
 )
 from multicor_cli.engine.contact.impacts import Impacts
-from multicor_cli.engine.contact.ordering import Schedule, make_batches
+from multicor_cli.engine.contact.ordering import Schedule, make_batches, rows_of_general
 from multicor_cli.engine.contact.rolling import couples_of, pack_couples
 from multicor_cli.engine.contact.sweep import NO_CELL, CellTerms, System, add_impulses
 from multicor_cli.engine.contact.vector_step import begin_lanes
@@ -39,13 +40,9 @@ from multicor_cli.model.columns import (
     NY,
     RADIUS,
     SECOND,
-    SLIDE,
     SPIN,
     SURFACE,
     TANGENTIAL,
-    W_NN,
-    W_NT,
-    W_TT,
     X,
     Y,
 )
@@ -63,17 +60,6 @@ class OneByOne(NamedTuple):
     impulse: Floats
 
 
-class Batches(NamedTuple):
-    """The part of a `System` that diagonal contacts take; fields as there."""
-
-    velocity: Floats
-    slot: Ints
-    pair: Ints
-    frame: Floats
-    impulse: Floats
-    tile_start: NDArray[np.int64]
-
-
 def flatten(system: System) -> OneByOne:
     """The diagonal contacts, copied, in an order of which their batches make the same sweep."""
     has = system.slot.reshape(-1) >= 0
@@ -85,27 +71,24 @@ def flatten(system: System) -> OneByOne:
     )
 
 
-def batch(contacts: OneByOne, velocity: Floats) -> Batches:
-    """Contacts, in the order of the sweep, as batches of one tile; ``slot`` names their rows."""
+def one_tile(contacts: OneByOne, velocity: Floats, inverse: Floats, spin_factor: float) -> System:
+    """Contacts, in the order of the sweep, as a system of one tile; ``slot`` names their rows."""
     bodies = velocity.shape[0]
     slot, start = make_batches(contacts.pair, np.array([0, len(contacts.pair)]), bodies)
     has = slot.reshape(-1) >= 0
     rows = slot.reshape(-1)[has]
-    pair, frame, impulse = (
-        np.empty((has.size, 2), np.int32),
-        np.zeros((has.size, 5)),
-        np.zeros((has.size, 2)),
-    )
+    pair = np.empty((has.size, 2), np.int32)
+    frame, impulse = np.zeros((has.size, 5)), np.zeros((has.size, 2))
     pair[:] = bodies, bodies + 1  # of the lanes without contact: nothing moves them
     frame[:, MASS] = 1.0
-    pair[has], frame[has], impulse[has] = (
-        contacts.pair[rows],
-        contacts.frame[rows],
-        contacts.impulse[rows],
-    )
+    pair[has], frame[has] = contacts.pair[rows], contacts.frame[rows]
+    impulse[has] = contacts.impulse[rows]
     full = aligned((bodies + 2, 4))
     full[:bodies], full[bodies:] = velocity, 0.0
-    return Batches(full, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start)
+    return System(
+        full, inverse, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start,
+        np.array([0, 1]), *rows_of_general(0), spin_factor, len(contacts.pair),
+    )  # fmt: skip
 
 
 def by_slot(slot: Ints, impulse: Floats, count: int) -> Floats:
@@ -234,30 +217,16 @@ def pack_general(
     """Rows of the contacts with walls that have a free degree of freedom, as in `System`.
 
     ``general`` are these contacts, ``inverse`` as in `System`, ``belt`` as in `OrderedSystem`.
-    **Modifies** bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)``, impulses ``(g, 2)``.
+    **Modifies** bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)``, impulses ``(g, 2)``,
+    and the turns in ``contacts``.
     """
-    n = scene.radius.size
     for g in range(general.size):
         contact = contacts[general[g]]
-        wall = scene.wall[contact.j - n]
         nx, ny, lx, ly = contact.nx, contact.ny, contact.lever_x, contact.lever_y
-        pair[g, FIRST], pair[g, SECOND] = place[contact.i], n + wall
-        frame[g, NX], frame[g, NY] = nx, ny
-        frame[g, BIAS], frame[g, MU], frame[g, SLIDE] = contact.bias, contact.mu, belt[wall]
-        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contact.p_n, contact.p_t
         # Grains add −s to u_t; walls −Ω (l_x n_y − l_y n_x) to u_n, −Ω (l_x n_x + l_y n_y) to u_t
-        lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
-        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = (
-            lx * ny - ly * nx,
-            lx * nx + ly * ny,
-        )
-        w_nn, w_nt, w_tt = 0.0, 0.0, 0.0
-        for side in range(2):
-            m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
-            w_nn += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
-            w_nt += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
-            w_tt += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
-        frame[g, W_NN], frame[g, W_NT], frame[g, W_TT] = w_nn, w_nt, w_tt
+        contact.turn_in, contact.turn_it = 0.0, -1.0
+        contact.turn_jn, contact.turn_jt = lx * ny - ly * nx, lx * nx + ly * ny
+        pack_row(g, general[g], scene, contacts, belt, place, inverse, pair, frame, lever, impulse)
 
 
 @parallel_kernel
@@ -277,21 +246,15 @@ def unpack_bodies(velocity: Floats, place: Ints, belt: Floats, walls: int) -> Fl
 
 @kernel
 def unpack_walls(
-    walls: Ints,
-    general: Ints,
-    lane: Ints,
-    impulse: Floats,
-    general_impulse: Floats,
+    walls: Ints, general: Ints, lane: Ints, impulse: Floats, general_impulse: Floats,
     contacts: Contacts,
-) -> None:
+) -> None:  # fmt: skip
     """Impulses of contacts with walls into the table, **modified**; arrays of `Schedule`."""
     for k in range(walls.size):
         c = walls[k]
         q, column = lane[c] // LANES, lane[c] % LANES
-        contacts[c].p_n, contacts[c].p_t = (
-            impulse[q, NORMAL, column],
-            impulse[q, TANGENTIAL, column],
-        )
+        contacts[c].p_n = impulse[q, NORMAL, column]
+        contacts[c].p_t = impulse[q, TANGENTIAL, column]
     for g in range(general.size):
         contacts[general[g]].p_n = general_impulse[g, NORMAL]
         contacts[general[g]].p_t = general_impulse[g, TANGENTIAL]

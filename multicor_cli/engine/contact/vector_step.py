@@ -246,13 +246,9 @@ def _begin(
         meets = closes.larger(loaded)
         speed = (u_n * u_n + across * across).root()
         added = (
-            hit * hit,
-            closes,
-            loaded.where(">", zero, abs(across), zero),
-            loaded,
-            meets.where(">", zero, speed, zero),
-            meets,
-        )
+            hit * hit, closes, loaded.where(">", zero, abs(across), zero), loaded,
+            meets.where(">", zero, speed, zero), meets,
+        )  # fmt: skip
         sums.put([a + b for a, b in zip(sums.get(), added, strict=True)])
     return [code.total(vector) for vector in sums.get()]
 
@@ -429,24 +425,13 @@ def _end(
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
         deep = (radii - (dx * dx + dy * dy).root()) / smaller
         added = (
-            friction,
-            impact,
-            mu * abs(u_t) * p_n,
-            (friction + impact).smaller(zero),
-            *virial(px, py),
-            p_n.where(">", zero, one, zero),
-            p_n,
-            deep,
-        )
+            friction, impact, mu * abs(u_t) * p_n, (friction + impact).smaller(zero),
+            *virial(px, py), p_n.where(">", zero, one, zero), p_n, deep,
+        )  # fmt: skip
         mine = [ours.where(">", zero, value, zero) for value in added]
         code.fill(depth, batch, 1, {0: mine[OVERLAP]})
-        sums = kept.get()
-        kept.put(
-            [
-                value.larger(total) if k >= LARGEST else total + value
-                for k, (total, value) in enumerate(zip(sums, mine, strict=True))
-            ]
-        )
+        both = enumerate(zip(kept.get(), mine, strict=True))
+        kept.put([b.larger(a) if k >= LARGEST else a + b for k, (a, b) in both])
     totals = kept.get()
     return [
         code.largest(vector) if k >= LARGEST else code.total(vector)

@@ -43,6 +43,7 @@ _PAIR, _FRAME, _IMPULSE, _BRANCH = (
     np.uint64(LANES * rows) for rows in (PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS, BRANCH_ROWS)
 )
 
+# From the first row of a block, or the first element of a body, to another
 Y_, SURFACE_, INVERSE_MASS_ = np.uint64(Y), np.uint64(SURFACE), np.uint64(INVERSE_MASS)
 NY_, MASS_, BIAS_, MU_ = (np.uint64(LANES * column) for column in (NY, MASS, BIAS, MU))
 SECOND_, TANGENTIAL_ = np.uint64(LANES * SECOND), np.uint64(LANES * TANGENTIAL)
@@ -50,8 +51,6 @@ BRANCH_Y_ = np.uint64(LANES * Y)
 
 LATE = 2
 """Batches after which the next sees what one has done to the gradient of a cell."""
-
-"""From the first row of a block, or the first element of a body, to another."""
 
 
 @formula
@@ -204,10 +203,8 @@ class _Sweep:
         normal, tangential, extrapolation = way
         one, spin = code.number(1.0), code.spread(beta)
         self.beta, self.one_plus_beta = spin, one + spin
-        self.normal, self.tangential = (
-            code.spread(normal),
-            code.spread(tangential) * (one / self.one_plus_beta),
-        )
+        self.normal = code.spread(normal)
+        self.tangential = code.spread(tangential) * (one / self.one_plus_beta)
         self.extrapolation = code.spread(extrapolation)
         self.sums = code.keep([code.number(0.0)] * 2)
 
@@ -232,13 +229,8 @@ class _Sweep:
         self._store(self.impulse, batch, new_n, new_t)
         d_n, d_t = new_n - p_n, new_t - p_t
         c_n, c_t = w * d_n, w * self.one_plus_beta * d_t
-        squares, onward = self.sums.get()
-        self.sums.put(
-            [
-                squares + (c_n * c_n + c_t * c_t),
-                onward + (c_n * (new_n - now_n) + c_t * (new_t - now_t)),
-            ]
-        )
+        more = c_n * c_n + c_t * c_t, c_n * (new_n - now_n) + c_t * (new_t - now_t)
+        self.sums.put([a + b for a, b in zip(self.sums.get(), more, strict=True)])
         px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
         if self.stretch:
             self.stretch.pull(batch, px, py)
@@ -317,33 +309,20 @@ class ResidualSums:
     """What `measure_scalar` returns, over the batches of a loop."""
 
     def __init__(self, code: Writer) -> None:
-        self._code, self._one = code, code.number(1.0)
-        self._sums = code.keep([code.number(0.0)] * 5)
+        self._code, self._zero, self._one = code, code.number(0.0), code.number(1.0)
+        self._sums = code.keep([self._zero] * 5)
 
     def add(self, p_n: Vector, p_t: Vector, c_n: Vector, c_t: Vector, square: Vector) -> None:
         """Add a batch with these impulses, corrections and their squares."""
         squares, normal, tangential, largest, active = self._sums.get()
-        is_active = p_n.larger(square).where_positive(self._one)
-        self._sums.put(
-            [
-                squares + square,
-                normal + p_n * c_n,
-                tangential + p_t * c_t,
-                square.larger(largest),
-                active + is_active,
-            ]
-        )
+        is_active = p_n.larger(square).where(">", self._zero, self._one, self._zero)
+        sums = squares + square, normal + p_n * c_n, tangential + p_t * c_t
+        self._sums.put([*sums, square.larger(largest), active + is_active])
 
     def results(self) -> list[_Value]:
         """Sums of the squares and of both powers, the largest square, the number of contacts."""
-        code, (squares, normal, tangential, largest, active) = self._code, self._sums.get()
-        return [
-            code.total(squares),
-            code.total(normal),
-            code.total(tangential),
-            code.largest(largest),
-            code.total(active),
-        ]
+        code, (*sums, largest, active) = self._code, self._sums.get()
+        return [*map(code.total, sums), code.largest(largest), code.total(active)]
 
 
 @vector_loop(results=5)

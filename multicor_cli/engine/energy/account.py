@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.contacts import Contacts, contact_after
+from multicor_cli.engine.contact.faces import FacePairs
+from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.contact.rolling import rolling_loss
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.contact.vector_step import (
@@ -23,9 +25,11 @@ from multicor_cli.engine.contact.vector_step import (
     VIRIAL,
     end_lanes,
 )
+from multicor_cli.engine.geometry.outlines import circle_gap, gap_at_least, true_gap
+from multicor_cli.engine.geometry.pieces import Pieces, are_convex
 from multicor_cli.engine.geometry.radii import smaller_of, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange, subroutine
+from multicor_cli.engine.jit.compile import inlined, kernel, parallel_kernel, prange, subroutine
 from multicor_cli.engine.jit.vectors import BATCHES
 from multicor_cli.engine.motion.correction import Correction
 from multicor_cli.engine.motion.walls import WallMotion
@@ -87,6 +91,50 @@ def account_grains(
     return total
 
 
+@inlined
+def _account(
+    c: int, scene: Scene, contacts: Contacts, after: Floats, total: Floats, wall_impulse: Floats,
+    belt_impulse: Floats,
+) -> float:  # fmt: skip
+    """Enter a contact into the last three, **modified**; returns the work of adhesion [J]."""
+    contact = contacts[c]
+    q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
+    if q_n == 0.0 and attraction == 0.0:
+        return 0.0
+    j, nx, ny, lx, ly = contact.j, contact.nx, contact.ny, contact.lever_x, contact.lever_y
+    p_n, is_point = q_n - attraction, contact.key >= 0
+    u_n, u_t = contact_after(c, scene, contacts, after)
+    impact, friction = -q_n * 0.5 * (contact.u_n + u_n), -p_t * 0.5 * (contact.u_t + u_t)
+    friction += 0.0 if is_point else rolling_loss(c, scene, contacts, after)
+    total[FRICTION] += friction
+    total[IMPACT] += impact
+    total[SLIDING] += contact.mu * abs(u_t) * q_n
+    total[NEGATIVE] += min(0.0, friction + impact)
+    total[LOADED] += 1.0 if q_n > 0.0 else 0.0
+    total[LARGEST] = max(total[LARGEST], p_n)
+    px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
+    if j >= scene.radius.size:
+        wall, couple = scene.wall[j - scene.radius.size], contact.arm * contact.p_r
+        wall_impulse[wall, X] -= px
+        wall_impulse[wall, Y] -= py
+        wall_impulse[wall, SPIN] -= lx * py - ly * px + couple
+        belt_impulse[wall] -= p_t
+        if couple != 0.0:
+            belt_impulse[wall] -= surface_turning(scene, j, 1.0) * couple
+    elif is_point or scene.height > 0.0:
+        total[VIRIAL] += px * lx
+        total[VIRIAL + 1] += px * ly
+        total[VIRIAL + 2] += py * lx
+        total[VIRIAL + 3] += py * ly
+    else:
+        branch = scene.radius[contact.i] + scene.radius[j] + contact.gap
+        total[VIRIAL] += px * branch * nx
+        total[VIRIAL + 1] += px * branch * ny
+        total[VIRIAL + 2] += py * branch * nx
+        total[VIRIAL + 3] += py * branch * ny
+    return -attraction * 0.5 * (contact.u_n + u_n)
+
+
 @kernel
 def account_contacts(
     scene: Scene, end: Scene, contacts: Contacts, after: Floats, which: Ints, total: Floats
@@ -104,47 +152,41 @@ def account_contacts(
     wall_impulse, belt_impulse, attracted = np.zeros((walls, 3)), np.zeros(walls), 0.0
     for k in range(which.size):
         c = which[k]
-        contact = contacts[c]
-        i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
+        i, j = contacts[c].i, contacts[c].j
         gap = pair_geometry(end, i, j)[0]
         if gap < 0.0:
             total[OVERLAP] = max(total[OVERLAP], -gap / smaller_of(end, i, j))
-        q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
-        if q_n == 0.0 and attraction == 0.0:
-            continue
-        p_n = q_n - attraction
-        u_n, u_t = contact_after(c, scene, contacts, after)
-        impact = -q_n * 0.5 * (contact.u_n + u_n)
-        attracted -= attraction * 0.5 * (contact.u_n + u_n)
-        friction = -p_t * 0.5 * (contact.u_t + u_t) + rolling_loss(c, scene, contacts, after)
-        total[FRICTION] += friction
-        total[IMPACT] += impact
-        total[SLIDING] += contact.mu * abs(u_t) * q_n
-        total[NEGATIVE] += min(0.0, friction + impact)
-        total[LOADED] += 1.0 if q_n > 0.0 else 0.0
-        total[LARGEST] = max(total[LARGEST], p_n)
-        px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
-        if j < scene.radius.size:
-            if scene.height > 0.0:
-                total[VIRIAL] += px * contact.lever_x
-                total[VIRIAL + 1] += px * contact.lever_y
-                total[VIRIAL + 2] += py * contact.lever_x
-                total[VIRIAL + 3] += py * contact.lever_y
-                continue
-            branch = scene.radius[i] + scene.radius[j] + contact.gap
-            total[VIRIAL] += px * branch * nx
-            total[VIRIAL + 1] += px * branch * ny
-            total[VIRIAL + 2] += py * branch * nx
-            total[VIRIAL + 3] += py * branch * ny
-            continue
-        wall, couple = scene.wall[j - scene.radius.size], contact.arm * contact.p_r
-        wall_impulse[wall, X] -= px
-        wall_impulse[wall, Y] -= py
-        wall_impulse[wall, SPIN] -= contact.lever_x * py - contact.lever_y * px + couple
-        belt_impulse[wall] -= p_t
-        if couple != 0.0:
-            belt_impulse[wall] -= surface_turning(scene, j, 1.0) * couple
+        attracted += _account(c, scene, contacts, after, total, wall_impulse, belt_impulse)
     return ContactSums(total, wall_impulse, belt_impulse, attracted)
+
+
+@kernel
+def account_faces(
+    scene: Scene, end: Scene, pieces_end: Pieces, contacts: Contacts, after: Floats,
+    faces: FacePairs, total: Floats, wall_impulse: Floats, belt_impulse: Floats, overlaps: Floats,
+) -> float:  # fmt: skip
+    """As `account_contacts`, of faces; **modifies** what that returns, but for the work of adhesion
+    [J], which is returned.
+
+    And ``overlaps`` of pairs at the end of the step over their smaller radii, shape ``(f,)``: of
+    all above `GRAZE`, and of the largest below it. Others need no look: no pair overlaps more than
+    the circles around it, or, of a piece each, than over one of its edges.
+    """
+    attracted, deepest = 0.0, 0.0
+    for f in range(faces.first.size):
+        base, i, j = faces.first[f], faces.i[f], faces.j[f]
+        size, overlaps[f] = smaller_of(end, i, j), 0.0
+        least = circle_gap(end, i, j)
+        if least < 0.0 and are_convex(pieces_end, i, j):
+            least = gap_at_least(end, pieces_end, i, j)
+        if least < -deepest * size:
+            overlaps[f] = max(0.0, -true_gap(end, pieces_end, i, j)[0] / size)
+            total[OVERLAP] = max(total[OVERLAP], overlaps[f])
+            if overlaps[f] <= GRAZE:
+                deepest = max(deepest, overlaps[f])
+        for c in range(base, base + faces.room[f]):
+            attracted += _account(c, scene, contacts, after, total, wall_impulse, belt_impulse)
+    return attracted
 
 
 # ---- Energy books: kinetic change = gravity + wall + load + adhesion work − friction − impact −
@@ -271,24 +313,7 @@ def _enter(
     belt_impulse: Floats, sums: Floats, kinetic: float, gravity: float, correction: Correction,
     outcome: Outcome, dt: float,
 ) -> None:  # fmt: skip
-    _enter_walls(
-        books, before, after, driven, mass, load, stiffness, damping, weight, belt_before, belt,
-        wall_impulse, belt_impulse, kinetic, gravity, correction, dt, sums,
-    )  # fmt: skip
-    _tally(tallies, window, sums, correction, outcome, dt)
-    for w in range(wall_impulse.shape[0]):
-        for d in range(3):
-            window_wall_impulse[w, d] += wall_impulse[w, d]
-
-
-@subroutine
-def _enter_walls(
-    books: Floats, before: Floats, after: Floats, driven: NDArray[np.bool_], mass: Floats,
-    load: Floats, stiffness: Floats, damping: Floats, weight: Floats, belt_before: Floats,
-    belt: Floats, wall_impulse: Floats, belt_impulse: Floats, kinetic: float, gravity: float,
-    correction: Correction, dt: float, sums: Floats,
-) -> None:  # fmt: skip
-    """Enter energies and works; arrays of walls are those of `WallMotion`, shape ``(w, 3)``."""
+    """Enter energies, works and tallies; arrays of walls are those of `WallMotion`, ``(w, 3)``."""
     wall_work, load_work, lost = 0.0, 0.0, 0.0
     for w in range(before.shape[0]):
         for d in range(3):
@@ -299,6 +324,7 @@ def _enter_walls(
             lost += dt * damping[w, d] * mean * mean
             gravity += dt * weight[w, d] * mean
             kinetic += 0.5 * mass[w, d] * after[w, d] * after[w, d]
+            window_wall_impulse[w, d] += wall_impulse[w, d]
         wall_work -= belt_impulse[w] * (0.5 * (belt_before[w] + belt[w]))
     gravity += correction.gravity_work
     load_work += correction.load_work
@@ -318,6 +344,7 @@ def _enter_walls(
     for value in (gravity, wall_work, load_work, friction, impact, lost, moved):
         terms += abs(value)
     books[_TERMS] += terms
+    _tally(tallies, window, sums, correction, outcome, dt)
 
 
 @kernel
@@ -339,13 +366,9 @@ def _close(books: Floats, brought: float, steps: int) -> None:
 
 @subroutine
 def _tally(
-    tallies: Floats,
-    window: Floats,
-    sums: Floats,
-    correction: Correction,
-    outcome: Outcome,
+    tallies: Floats, window: Floats, sums: Floats, correction: Correction, outcome: Outcome,
     dt: float,
-) -> None:
+) -> None:  # fmt: skip
     failed = 0.0 if outcome.converged else 1.0
     tallies[_SWEEPS] += outcome.sweeps
     tallies[_UNCONVERGED] += failed

@@ -73,10 +73,6 @@ class Drift(NamedTuple):
     is_whole: bool
 
 
-NOTHING = np.empty((0, 2))
-"""No origin: the vectors themselves are split."""
-
-
 @formula
 def _vector(i: int, vectors: Floats, origin: Floats, box: Box) -> tuple[float, float]:
     """A vector itself, or its difference from ``origin``, nearest image."""
@@ -125,14 +121,8 @@ def _compare_with_fit(
     row: int, out: Floats,
 ) -> None:  # fmt: skip
     """Write the largest square of a deviation from the fit, and the largest components."""
-    a_x, a_y, xx, xy, yx, yy = (
-        fit[AT_ORIGIN, X],
-        fit[AT_ORIGIN, Y],
-        fit[PER_X, X],
-        fit[PER_X, Y],
-        fit[PER_Y, X],
-        fit[PER_Y, Y],
-    )
+    a_x, a_y = fit[AT_ORIGIN, X], fit[AT_ORIGIN, Y]
+    xx, xy, yx, yy = fit[PER_X, X], fit[PER_X, Y], fit[PER_Y, X], fit[PER_Y, Y]
     deviation, largest_u, largest_v = 0.0, 0.0, 0.0
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
@@ -142,11 +132,8 @@ def _compare_with_fit(
         deviation = max(deviation, du * du + dv * dv)
         largest_u = max(largest_u, abs(u))
         largest_v = max(largest_v, abs(v))
-    out[row, _DEVIATION], out[row, _LARGEST_U], out[row, _LARGEST_V] = (
-        deviation,
-        largest_u,
-        largest_v,
-    )
+    out[row, _DEVIATION] = deviation
+    out[row, _LARGEST_U], out[row, _LARGEST_V] = largest_u, largest_v
 
 
 @formula
@@ -156,10 +143,8 @@ def _least_squares(count: int, sums: Floats, box: Box, fit: Floats) -> None:
     # A little more on the diagonal: places may lie on one line. Any fit is good for a bound.
     more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
     more = more if more > 0.0 else 1.0
-    xx, yy = (
-        sums[0, _SUM_XX] - count * mean_x * mean_x + more,
-        sums[0, _SUM_YY] - count * mean_y * mean_y + more,
-    )
+    xx = sums[0, _SUM_XX] - count * mean_x * mean_x + more
+    yy = sums[0, _SUM_YY] - count * mean_y * mean_y + more
     xy = 0.0 if is_periodic else sums[0, _SUM_XY] - count * mean_x * mean_y
     for d in range(2):
         total = sums[0, _SUM_U + d]
@@ -185,8 +170,8 @@ def _fold(rows: Floats, is_maximum: bool) -> None:
 def fit_drift(vectors: Floats, position: Floats, box: Box, origin: Floats) -> Drift:
     """Split vectors into an affine field, fitted by least squares, and a rest.
 
-    ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it is
-    not `NOTHING`. With a period in x the field does not depend on x; in a cell it is that by which
+    ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it
+    has rows. With a period in x the field does not depend on x; in a cell it is that by which
     the cell changes, and no other would be that of all images.
     """
     count = position.shape[0]
@@ -298,7 +283,6 @@ def cutoff_of_velocities(
     """
     period, height, tilt = scene.period, scene.height, scene.tilt
     # Velocities of grains in a cell are those beside its mean flow
-    # (`NOTHING`, which nobody may write to, would be another kind of array)
     nothing, box = np.empty((0, 2)), Box(period, height, tilt, 0.0, 0.0, 0.0)
     drift = fit_drift(bodies, scene.position, box, nothing)
     largest = drift.largest + more
@@ -313,11 +297,8 @@ def cutoff_of_velocities(
         for k in range(count):
             w = scene.wall[k]
             spin = velocity[w, SPIN]
-            vectors[k, X], vectors[k, Y], turn[k] = (
-                velocity[w, X],
-                velocity[w, Y],
-                abs(spin) * extent[w],
-            )
+            vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
+            turn[k] = abs(spin) * extent[w]
             if scene.kind[k] == _DISC:
                 vectors[k, X] -= spin * (scene.world[k, Y] - scene.wall_position[w, Y])
                 vectors[k, Y] += spin * (scene.world[k, X] - scene.wall_position[w, X])

@@ -70,10 +70,8 @@ def make_grids(
     ``cutoff`` [m].
     """
     cutoff = max(cutoff, 0.0)
-    origin, size = (
-        np.array(low, np.float64),
-        np.maximum(high - low, 2.0 * classes.radius.max() + cutoff),
-    )
+    origin = np.array(low, np.float64)
+    size = np.maximum(high - low, 2.0 * classes.radius.max() + cutoff)
     if period > 0.0:
         origin[X], size[X] = 0.0, period
     if height > 0.0:

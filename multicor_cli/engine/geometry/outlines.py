@@ -131,12 +131,8 @@ def _facing(corner: Floats, one: Core, other: Core, ox: float, oy: float) -> flo
         ahead = corner[e, NORMAL_X] * ox + corner[e, NORMAL_Y] * oy
         if ahead > most:
             most, edge = ahead, e
-    px, py, nx, ny = (
-        corner[edge, X],
-        corner[edge, Y],
-        corner[edge, NORMAL_X],
-        corner[edge, NORMAL_Y],
-    )
+    px, py = corner[edge, X], corner[edge, Y]
+    nx, ny = corner[edge, NORMAL_X], corner[edge, NORMAL_Y]
     for v in range(other.first, other.last):
         height = min(height, nx * (ox + corner[v, X] - px) + ny * (oy + corner[v, Y] - py))
     return height
@@ -518,9 +514,7 @@ def gap_at_least(scene: Scene, pieces: Pieces, i: int, j: int) -> float:
 @inlined
 def true_gap(scene: Scene, pieces: Pieces | None, i: int, j: int) -> tuple[float, float, float]:
     """As `pair_geometry`, of the nearest point of a pair if one is no disc; none: all are discs."""
-    if pieces is None:
-        return pair_geometry(scene, i, j)
-    if not are_faces(pieces, i, j):
-        return pair_geometry(scene, i, j)
-    nearest = nearest_point(scene, pieces, i, j)
-    return nearest.gap, nearest.nx, nearest.ny
+    if pieces is not None and are_faces(pieces, i, j):
+        nearest = nearest_point(scene, pieces, i, j)
+        return nearest.gap, nearest.nx, nearest.ny
+    return pair_geometry(scene, i, j)

@@ -119,27 +119,28 @@ def turned(pieces: Pieces, scene: Scene) -> Pieces:
     return pieces._replace(corner=corner)
 
 
+@subroutine
+def _turn(pieces: Pieces, k: int, angle: float, corner: Floats) -> None:
+    """The corners of a grain, turned, into ``corner``, **modified**: perhaps its own."""
+    c, s, local = cos(angle), sin(angle), pieces.corner
+    for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
+        x, y, nx, ny = local[v, X], local[v, Y], local[v, NORMAL_X], local[v, NORMAL_Y]
+        corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
+        corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+
+
 @kernel
 def turn_grains(pieces: Pieces, position: Floats, corner: Floats) -> None:
     """Turn the corners of grains with them, into ``corner``, **modified**."""
-    local = pieces.corner
     for k in range(position.shape[0]):
-        c, s = cos(position[k, ANGLE]), sin(position[k, ANGLE])
-        for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
-            x, y, nx, ny = local[v, X], local[v, Y], local[v, NORMAL_X], local[v, NORMAL_Y]
-            corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
-            corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+        _turn(pieces, k, position[k, ANGLE], corner)
 
 
 @subroutine
 def turn_by(pieces: Pieces, scene: Scene, k: int, angle: float) -> None:
     """Turn a grain, whose position and corners are **modified**."""
     scene.position[k, ANGLE] += angle
-    c, s, corner = cos(angle), sin(angle), pieces.corner
-    for v in range(pieces.start[pieces.piece[k]], pieces.start[pieces.piece[k + 1]]):
-        x, y, nx, ny = corner[v, X], corner[v, Y], corner[v, NORMAL_X], corner[v, NORMAL_Y]
-        corner[v, X], corner[v, Y] = c * x - s * y, s * x + c * y
-        corner[v, NORMAL_X], corner[v, NORMAL_Y] = c * nx - s * ny, s * nx + c * ny
+    _turn(pieces, k, angle, pieces.corner)
 
 
 @kernel
@@ -200,6 +201,16 @@ def are_convex(pieces: Pieces, i: int, j: int) -> bool:
         return False
     of_i, of_j = pieces.piece[i + 1] - pieces.piece[i], pieces.piece[j + 1] - pieces.piece[j]
     return bool(of_i == 1 and of_j == 1)
+
+
+@subroutine
+def farthest(pieces: Pieces, p: int, x: float, y: float) -> int:
+    """The corner of a piece that is farthest along (x, y)."""
+    corner, far = pieces.corner, pieces.start[p]
+    for v in range(pieces.start[p], pieces.start[p + 1]):
+        if x * corner[v, X] + y * corner[v, Y] > x * corner[far, X] + y * corner[far, Y]:
+            far = v
+    return int(far)
 
 
 @subroutine

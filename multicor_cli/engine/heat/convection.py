@@ -18,20 +18,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from multicor_cli.arithmetic import cbrt, power
-from multicor_cli.engine.heat.mechanism import Mechanism, Outside
+from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism, Outside
 from multicor_cli.engine.jit.arrays import hypot
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
-
-if TYPE_CHECKING:
-    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 Correlation = Literal["constant", "ranz-marshall", "whitaker", "gunn", "li-mason"]
 

@@ -19,8 +19,6 @@ one place if they are less than δ₀ apart. Pieces of a clump conduct each for 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from math import inf, pi, sqrt
 from typing import NamedTuple
 
@@ -29,7 +27,14 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.faces import pieces_of_key, point_key, rows_of_faces
 from multicor_cli.engine.geometry.outlines import Point, touch_pieces
-from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, are_faces, pieces_met
+from multicor_cli.engine.geometry.pieces import (
+    NORMAL_X,
+    NORMAL_Y,
+    Pieces,
+    are_faces,
+    farthest,
+    pieces_met,
+)
 from multicor_cli.engine.geometry.places import RISE, Places, rows_in_corners
 from multicor_cli.engine.geometry.radii import cup_radius, effective_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
@@ -112,10 +117,27 @@ def corners_of_discs(scene: Scene, pieces: Pieces, i: Ints, j: Ints) -> NDArray[
 # ---- The points of a moment
 
 
-class _Table(NamedTuple):
-    """`FacePoints` for kernels, which fill it, and the pieces of i and j, shape ``(c,)``."""
+class FacePoints(NamedTuple):
+    """Where contacts of grains that are no discs touch; ``c`` contacts, of discs too.
 
+    Attributes:
+        key: Which point of its pair each is, −1 of discs and where there is none, shape ``(c,)``.
+        head: The first contact of its place, likewise.
+        pair: The first contact of its pair, likewise.
+        radius: a* [m], likewise.
+        is_side: Whether it is one of several of a side, likewise.
+        breadth: Thickness of the thinner grain [m], likewise.
+        way: d_i/λ_i + d_j/λ_j [m² K/W], likewise.
+        normal: Unit normal from j to i, shape ``(c, 2)``; with what follows of points alone.
+        gap: Gap [m], shape ``(c,)``.
+        arm: From the center of i to the point [m], shape ``(c, 2)``.
+        of_i: Its piece of i, shape ``(c,)``; and ``of_j``.
+        together: Contacts in places with others, ascending.
+    """
+
+    key: Ints
     head: Ints
+    pair: Ints
     radius: Floats
     is_side: NDArray[np.bool_]
     breadth: Floats
@@ -125,6 +147,101 @@ class _Table(NamedTuple):
     arm: Floats
     of_i: Ints
     of_j: Ints
+    together: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls, scene: Scene, pieces: Pieces, corners: Corners, conductivity: Floats, i: Ints, j: Ints,
+        key: Ints, radius: Floats,
+    ) -> FacePoints:  # fmt: skip
+        """Points in a scene; ``pieces`` lie there, ``radius`` is a* of discs [m], ``(c,)``."""
+        count = i.size
+        head = np.arange(count, dtype=np.int32)
+        is_new = np.ones(count, np.bool_)
+        is_new[1:] = (np.diff(i) != 0) | (np.diff(j) != 0)
+        pair = head[is_new][np.cumsum(is_new) - 1]
+        points = cls(
+            key, head, pair, radius.copy(), np.zeros(count, np.bool_), np.zeros(count),
+            np.zeros(count), np.zeros((count, 2)), np.full(count, inf), np.zeros((count, 2)),
+            np.zeros(count, np.int32), np.zeros(count, np.int32), np.empty(0, np.int64),
+        )  # fmt: skip
+        _lay_points(scene, pieces, corners, conductivity, i, j, points)
+        _join_points(scene, pieces, corners, i, j, points)
+        count_of = np.bincount(points.head, minlength=count)
+        return points._replace(together=np.flatnonzero(count_of[points.head] > 1))
+
+    def join(self, places: Places) -> Places:
+        """These places beside those of discs."""
+        rows = self.together
+        place = np.searchsorted(rows, self.head[rows]) + places.rows.size
+        return Places(
+            np.concatenate([places.rows, rows]),
+            np.concatenate([places.place, place]).astype(np.int32),
+        )
+
+    def or_of_discs(
+        self, scene: Scene, i: Ints, gap: Floats, normal: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Gaps, normals and arms of the points, and where there are none those of discs."""
+        is_point = self.key >= 0
+        gap = np.where(is_point, self.gap, gap)
+        normal = np.where(is_point[:, np.newaxis], self.normal, normal)
+        of_discs = -scene.radius[i][:, np.newaxis] * normal
+        return gap, normal, np.where(is_point[:, np.newaxis], self.arm, of_discs)
+
+    def lead_to_walls(self, is_wall: NDArray[np.bool_], branch: Floats) -> None:
+        """From where points touch walls to the centers, into ``branch`` [m], **modified**."""
+        row = np.flatnonzero(is_wall & (self.key >= 0))
+        branch[row] = self.gap[row][:, np.newaxis] * self.normal[row] - self.arm[row]
+
+    def per_pair(self, values: Floats) -> Floats:
+        """Sums over pairs, at their first contacts, 0 at others, shape ``(c,)``."""
+        return _sums(self.pair, values)
+
+    def shared(self, of_pairs: Floats, carried: Floats) -> Floats:
+        """What pairs have at their first contacts, shared out as ``carried``, shape ``(c,)``."""
+        total = self.per_pair(carried)[self.pair]
+        is_loaded = total > 0.0
+        share = np.where(is_loaded, carried / np.where(is_loaded, total, 1.0), 0.0)
+        return np.where(is_loaded, share * of_pairs[self.pair], of_pairs)
+
+    def spot_radii(self, force: Floats, total: Floats) -> Floats:
+        """a* of each place under the forces of its contacts [N], shape ``(c,)``."""
+        found, rows = self.radius.copy(), self.together
+        rows = rows[total[rows] > 0.0]
+        weighted = _sums(self.head, force * self.radius)
+        found[rows] = weighted[self.head[rows]] / total[rows]
+        return found
+
+    def pressed_areas(self, force: Floats) -> Floats:
+        """Areas on which sides are pressed by forces [N] in [m²], shape ``(c,)``."""
+        return _areas_of(force, self)
+
+    def flash_radii(self, force: Floats, total: Floats, modulus: Floats) -> Floats:
+        """As `spot_radii`, but where sides are pressed those whose spots have their area."""
+        found = self.spot_radii(force, total)
+        area = self.pressed_areas(force) / pi
+        side = np.flatnonzero(area)
+        volume = area[side] * np.sqrt(area[side])
+        as_large = 4.0 * modulus[side] * volume / (3.0 * total[side])
+        found[side] = np.maximum(found[side], as_large)
+        return found
+
+    def conduct_sides(
+        self, force: Floats, total: Floats, harmonic: Floats,
+        rough: tuple[()] | tuple[Floats, Floats, Floats],
+        spot: Floats, conductance: Floats,
+    ) -> None:  # fmt: skip
+        """Let sides conduct; arguments as `hertz_spots`, ``rough`` as in `Touching`.
+
+        Forces are those of the contacts and of their places [N]. **Modifies** ``spot``, of a side
+        that of a circle of its pressed area, and ``conductance``.
+        """
+        area = self.pressed_areas(force)
+        if area.any():
+            smooth = np.zeros(area.size)
+            about = rough or (smooth, smooth, smooth)
+            _conduct_sides(area, total, self.way, harmonic, *about, spot, conductance)
 
 
 @formula
@@ -166,17 +283,7 @@ def _radius_towards(pieces: Pieces, corners: Corners, p: int, x: float, y: float
     edge = _facing(pieces, p, x, y)
     if x * corner[edge, NORMAL_X] + y * corner[edge, NORMAL_Y] >= _ALONG:
         return _edge_radius(pieces, corners, p, edge)
-    return float(corners.radius[_farthest(pieces, p, x, y)])
-
-
-@subroutine
-def _farthest(pieces: Pieces, p: int, x: float, y: float) -> int:
-    """The corner of a piece that is farthest along (x, y)."""
-    corner, far = pieces.corner, pieces.start[p]
-    for v in range(pieces.start[p], pieces.start[p + 1]):
-        if x * corner[v, X] + y * corner[v, Y] > x * corner[far, X] + y * corner[far, Y]:
-            far = v
-    return int(far)
+    return float(corners.radius[farthest(pieces, p, x, y)])
 
 
 @subroutine
@@ -187,7 +294,7 @@ def curve_towards(
 
     And the corner, or the middle of the edge, at which the outward normal is (x, y) [m].
     """
-    v, corner = _farthest(pieces, p, x, y), pieces.corner
+    v, corner = farthest(pieces, p, x, y), pieces.corner
     if pieces.start[p + 1] - pieces.start[p] == 1:
         radius = pieces.rounding[p] if pieces.rounding[p] > 0.0 else -1.0
         return radius, corner[v, X], corner[v, Y]
@@ -214,31 +321,32 @@ def _wall_kind(scene: Scene, j: int) -> int:
 
 @subroutine
 def _enter_point(
-    c: int, point: Point, scene: Scene, pieces: Pieces, corners: Corners, i: int, j: int, key: int,
-    table: _Table,
+    c: int, point: Point, scene: Scene, pieces: Pieces, corners: Corners, i: int, j: int,
+    points: FacePoints,
 ) -> None:  # fmt: skip
     """Put a point into a row; one that is no more lies where the bounding circle would touch."""
+    key = points.key[c]
     a, b, corner = pieces_of_key(pieces, scene, i, j, key)
     kind = _wall_kind(scene, j)
-    table.of_i[c], table.of_j[c] = a, b
+    points.of_i[c], points.of_j[c] = a, b
     own = _blunted(scene, i, corners.radius[corner])
     if point.gap < inf:
         nx, ny = point.nx, point.ny
-        table.gap[c], table.arm[c, X], table.arm[c, Y] = point.gap, point.i_x, point.i_y
+        points.gap[c], points.arm[c, X], points.arm[c, Y] = point.gap, point.i_x, point.i_y
     else:
-        table.gap[c], nx, ny = known_geometry(scene, i, j)
-        table.arm[c, X], table.arm[c, Y] = -scene.radius[i] * nx, -scene.radius[i] * ny
-    table.normal[c, X], table.normal[c, Y] = nx, ny
+        points.gap[c], nx, ny = known_geometry(scene, i, j)
+        points.arm[c, X], points.arm[c, Y] = -scene.radius[i] * nx, -scene.radius[i] * ny
+    points.normal[c, X], points.normal[c, Y] = nx, ny
     if kind == _CIRCLE:
-        table.radius[c] = cup_radius(own, scene.world[j - scene.radius.size, RADIUS])
+        points.radius[c] = cup_radius(own, scene.world[j - scene.radius.size, RADIUS])
     elif kind == _PLANE:
-        table.radius[c] = own
+        points.radius[c] = own
     else:
         other = (
             _radius_towards(pieces, corners, b, nx, ny) if key % 2 == 0
             else _radius_towards(pieces, corners, a, -nx, -ny)
         )  # fmt: skip
-        table.radius[c] = _joined(own, _blunted(scene, i, other))
+        points.radius[c] = _joined(own, _blunted(scene, i, other))
 
 
 @subroutine
@@ -251,29 +359,29 @@ def _is_line(scene: Scene, j: int) -> bool:
 
 
 @subroutine
-def _may_join(c: int, k: int, scene: Scene, i: Ints, j: Ints, table: _Table) -> bool:
+def _may_join(c: int, k: int, scene: Scene, j: Ints, points: FacePoints) -> bool:
     """Whether two points of a grain are of the same piece, and of another, or of lines of walls."""
     count = scene.radius.size
-    if table.of_i[c] != table.of_i[k] or (j[c] < count) != (j[k] < count):
+    if points.of_i[c] != points.of_i[k] or (j[c] < count) != (j[k] < count):
         return False
     if j[c] < count:
-        return bool(j[c] == j[k] and table.of_j[c] == table.of_j[k])
+        return bool(j[c] == j[k] and points.of_j[c] == points.of_j[k])
     return bool(j[c] == j[k] or (_is_line(scene, j[c]) and _is_line(scene, j[k])))
 
 
 @subroutine
 def _join(
-    c: int, k: int, scene: Scene, pieces: Pieces, corners: Corners, j: Ints, table: _Table
+    c: int, k: int, scene: Scene, pieces: Pieces, corners: Corners, j: Ints, points: FacePoints
 ) -> None:
     """Make two points of the same two pieces one place, if they are of one side or curve."""
-    nx, ny = table.normal[c, X], table.normal[c, Y]
-    cosine = nx * table.normal[k, X] + ny * table.normal[k, Y]
-    nx, ny = nx + table.normal[k, X], ny + table.normal[k, Y]
+    nx, ny = points.normal[c, X], points.normal[c, Y]
+    cosine = nx * points.normal[k, X] + ny * points.normal[k, Y]
+    nx, ny = nx + points.normal[k, X], ny + points.normal[k, Y]
     size, kind = sqrt(nx * nx + ny * ny), _wall_kind(scene, j[c])
     if cosine <= 1.0 - RISE:
         return
     nx, ny = nx / size, ny / size
-    a, b = table.of_i[c], table.of_j[c]
+    a, b = points.of_i[c], points.of_j[c]
     mine, other = _edge_radius(pieces, corners, a, _facing(pieces, a, -nx, -ny)), inf
     if kind < 0:
         other = _edge_radius(pieces, corners, b, _facing(pieces, b, nx, ny))
@@ -281,17 +389,17 @@ def _join(
         radius = _joined(min(mine, other), max(mine, other))
         if kind == _CIRCLE:
             radius = cup_radius(mine, scene.world[j[c] - scene.radius.size, RADIUS])
-        table.head[k] = c
-        table.radius[c], table.radius[k] = radius, radius
+        points.head[k] = c
+        points.radius[c], points.radius[k] = radius, radius
     elif kind != _CIRCLE and cosine >= _ALONG:  # in a circle the corners of a side are apart
-        table.head[k] = c
-        table.is_side[c], table.is_side[k] = True, True
+        points.head[k] = c
+        points.is_side[c], points.is_side[k] = True, True
 
 
 @subroutine
 def _lead_through(
     c: int, point: Point, scene: Scene, corners: Corners, conductivity: Floats, i: int, j: int,
-    table: _Table,
+    points: FacePoints,
 ) -> None:  # fmt: skip
     """How thick a side is at a point, and the ways from the centers to it."""
     nx, ny, breadth = point.nx, point.ny, corners.thickness[i]
@@ -301,15 +409,16 @@ def _lead_through(
         breadth = min(breadth, corners.thickness[j])
         way = max(abs(point.j_x * nx + point.j_y * ny), corners.least[j])
         resistance += way / conductivity[scene.material[j]]
-    table.breadth[c], table.way[c] = breadth, resistance
+    points.breadth[c], points.way[c] = breadth, resistance
 
 
 @kernel
 def _lay_points(
     scene: Scene, pieces: Pieces, corners: Corners, conductivity: Floats, i: Ints, j: Ints,
-    key: Ints, table: _Table,
+    points: FacePoints,
 ) -> None:  # fmt: skip
     """Fill the rows of points: those of the keys, or what has become of them by now."""
+    key = points.key
     is_done = key < 0
     for c in range(i.size):
         if is_done[c]:
@@ -332,40 +441,38 @@ def _lay_points(
             first, second = second, first
         row, point = c, first
         for _ in range(2 if has_mate else 1):
-            _enter_point(row, point, scene, pieces, corners, i[row], j[row], key[row], table)
-            _lead_through(row, point, scene, corners, conductivity, i[row], j[row], table)
+            _enter_point(row, point, scene, pieces, corners, i[row], j[row], points)
+            _lead_through(row, point, scene, corners, conductivity, i[row], j[row], points)
             is_done[row] = True
             row, point = k, second
 
 
 @kernel
 def _join_points(
-    scene: Scene, pieces: Pieces, corners: Corners, i: Ints, j: Ints, key: Ints, table: _Table
+    scene: Scene, pieces: Pieces, corners: Corners, i: Ints, j: Ints, points: FacePoints
 ) -> None:
     """Places of the points."""
+    key = points.key
     for c in range(i.size):
-        if key[c] < 0 or table.head[c] != c:
+        if key[c] < 0 or points.head[c] != c:
             continue
         k = c + 1
         while k < i.size and i[k] == i[c]:
-            if key[k] >= 0 and table.head[k] == k and _may_join(c, k, scene, i, j, table):
-                _join(c, k, scene, pieces, corners, j, table)
+            if key[k] >= 0 and points.head[k] == k and _may_join(c, k, scene, j, points):
+                _join(c, k, scene, pieces, corners, j, points)
             k += 1
 
 
 @kernel
-def _areas_of(
-    force: Floats, head: Ints, is_side: NDArray[np.bool_], breadth: Floats, normal: Floats,
-    arm: Floats,
-) -> Floats:  # fmt: skip
+def _areas_of(force: Floats, points: FacePoints) -> Floats:
     """Areas on which sides are pressed [m²], 0 where there is none, shape ``(c,)``."""
-    count = force.size
+    count, head, is_side, normal = force.size, points.head, points.is_side, points.normal
     total, moment, area = np.zeros(count), np.zeros(count), np.zeros(count)
     low, high = np.full(count, inf), np.full(count, -inf)
     for c in range(count):
         h = head[c]
         if is_side[c] and force[c] > 0.0:
-            along = arm[c, Y] * normal[h, X] - arm[c, X] * normal[h, Y]
+            along = points.arm[c, Y] * normal[h, X] - points.arm[c, X] * normal[h, Y]
             total[h] += force[c]
             moment[h] += force[c] * along
             low[h], high[h] = min(low[h], along), max(high[h], along)
@@ -374,7 +481,7 @@ def _areas_of(
         if is_side[c] and total[h] > 0.0:
             center = moment[h] / total[h]
             nearer = min(center - low[h], high[h] - center)
-            area[c] = pressed_length(nearer, high[h] - low[h]) * breadth[h]
+            area[c] = pressed_length(nearer, high[h] - low[h]) * points.breadth[h]
     return area
 
 
@@ -397,134 +504,6 @@ def _conduct_sides(
 def _sums(first: Ints, values: Floats) -> Floats:
     """Sums of the values that have the same ``first`` row, there, shape ``(c,)``."""
     return np.asarray(np.bincount(first, values, first.size), np.float64)
-
-
-@dataclass(frozen=True)
-class FacePoints:
-    """Where contacts of grains that are no discs touch; ``c`` contacts, of discs too.
-
-    Attributes:
-        key: Which point of its pair each is, −1 of discs and where there is none, shape ``(c,)``.
-        head: The first contact of its place, likewise.
-        pair: The first contact of its pair, likewise.
-        radius: a* [m], likewise.
-        is_side: Whether it is one of several of a side, likewise.
-        breadth: Thickness of the thinner grain [m], likewise.
-        way: d_i/λ_i + d_j/λ_j [m² K/W], likewise.
-        normal: Unit normal from j to i, shape ``(c, 2)``; with what follows of points alone.
-        gap: Gap [m], shape ``(c,)``.
-        arm: From the center of i to the point [m], shape ``(c, 2)``.
-    """
-
-    key: Ints
-    head: Ints
-    pair: Ints
-    radius: Floats
-    is_side: NDArray[np.bool_]
-    breadth: Floats
-    way: Floats
-    normal: Floats
-    gap: Floats
-    arm: Floats
-
-    @classmethod
-    def of(
-        cls, scene: Scene, pieces: Pieces, corners: Corners, conductivity: Floats, i: Ints, j: Ints,
-        key: Ints, radius: Floats,
-    ) -> FacePoints:  # fmt: skip
-        """Points in a scene; ``pieces`` lie there, ``radius`` is a* of discs [m], ``(c,)``."""
-        count = i.size
-        head = np.arange(count, dtype=np.int32)
-        is_new = np.ones(count, np.bool_)
-        is_new[1:] = (np.diff(i) != 0) | (np.diff(j) != 0)
-        pair = head[is_new][np.cumsum(is_new) - 1]
-        table = _Table(
-            head, radius.copy(), np.zeros(count, np.bool_), np.zeros(count), np.zeros(count),
-            np.zeros((count, 2)), np.full(count, inf), np.zeros((count, 2)),
-            np.zeros(count, np.int32), np.zeros(count, np.int32),
-        )  # fmt: skip
-        _lay_points(scene, pieces, corners, conductivity, i, j, key, table)
-        _join_points(scene, pieces, corners, i, j, key, table)
-        return cls(key, table.head, pair, *table[1:-2])
-
-    def join(self, places: Places) -> Places:
-        """These places beside those of discs."""
-        rows = self._shared_rows
-        place = np.searchsorted(rows, self.head[rows]) + places.rows.size
-        return Places(
-            np.concatenate([places.rows, rows]),
-            np.concatenate([places.place, place]).astype(np.int32),
-        )
-
-    def or_of_discs(
-        self, scene: Scene, i: Ints, gap: Floats, normal: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        """Gaps, normals and arms of the points, and where there are none those of discs."""
-        is_point = self.key >= 0
-        gap = np.where(is_point, self.gap, gap)
-        normal = np.where(is_point[:, np.newaxis], self.normal, normal)
-        of_discs = -scene.radius[i][:, np.newaxis] * normal
-        return gap, normal, np.where(is_point[:, np.newaxis], self.arm, of_discs)
-
-    def lead_to_walls(self, is_wall: NDArray[np.bool_], branch: Floats) -> None:
-        """From where points touch walls to the centers, into ``branch`` [m], **modified**."""
-        row = np.flatnonzero(is_wall & (self.key >= 0))
-        branch[row] = self.gap[row][:, np.newaxis] * self.normal[row] - self.arm[row]
-
-    def per_pair(self, values: Floats) -> Floats:
-        """Sums over pairs, at their first contacts, 0 at others, shape ``(c,)``."""
-        return _sums(self.pair, values)
-
-    def shared(self, of_pairs: Floats, carried: Floats) -> Floats:
-        """What pairs have at their first contacts, shared out as ``carried``, shape ``(c,)``."""
-        total = self.per_pair(carried)[self.pair]
-        is_loaded = total > 0.0
-        share = np.where(is_loaded, carried / np.where(is_loaded, total, 1.0), 0.0)
-        return np.where(is_loaded, share * of_pairs[self.pair], of_pairs)
-
-    def spot_radii(self, force: Floats, total: Floats) -> Floats:
-        """a* of each place under the forces of its contacts [N], shape ``(c,)``."""
-        found, rows = self.radius.copy(), self._shared_rows
-        rows = rows[total[rows] > 0.0]
-        weighted = _sums(self.head, force * self.radius)
-        found[rows] = weighted[self.head[rows]] / total[rows]
-        return found
-
-    @cached_property
-    def _shared_rows(self) -> NDArray[np.int64]:
-        """Contacts in places with others."""
-        count = np.bincount(self.head, minlength=self.head.size)
-        return np.flatnonzero(count[self.head] > 1)
-
-    def pressed_areas(self, force: Floats) -> Floats:
-        """Areas on which sides are pressed by forces [N] in [m²], shape ``(c,)``."""
-        return _areas_of(force, self.head, self.is_side, self.breadth, self.normal, self.arm)
-
-    def flash_radii(self, force: Floats, total: Floats, modulus: Floats) -> Floats:
-        """As `spot_radii`, but where sides are pressed those whose spots have their area."""
-        found = self.spot_radii(force, total)
-        area = self.pressed_areas(force) / pi
-        side = np.flatnonzero(area)
-        volume = area[side] * np.sqrt(area[side])
-        as_large = 4.0 * modulus[side] * volume / (3.0 * total[side])
-        found[side] = np.maximum(found[side], as_large)
-        return found
-
-    def conduct_sides(
-        self, force: Floats, total: Floats, harmonic: Floats,
-        rough: tuple[()] | tuple[Floats, Floats, Floats],
-        spot: Floats, conductance: Floats,
-    ) -> None:  # fmt: skip
-        """Let sides conduct; arguments as `hertz_spots`, ``rough`` as in `Touching`.
-
-        Forces are those of the contacts and of their places [N]. **Modifies** ``spot``, of a side
-        that of a circle of its pressed area, and ``conductance``.
-        """
-        area = self.pressed_areas(force)
-        if area.any():
-            smooth = np.zeros(area.size)
-            about = rough or (smooth, smooth, smooth)
-            _conduct_sides(area, total, self.way, harmonic, *about, spot, conductance)
 
 
 # ---- Pairs that touch before any step has said which do

@@ -35,7 +35,7 @@ import numpy as np
 
 from multicor_cli.arithmetic import exp, log, log1p
 from multicor_cli.engine.geometry.outlines import Point, touch_pieces
-from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, pieces_met
+from multicor_cli.engine.geometry.pieces import NORMAL_X, NORMAL_Y, Pieces, farthest, pieces_met
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, from_first_end, nearest_image, shortest
 from multicor_cli.engine.heat.faces import Corners, curve_towards
@@ -237,10 +237,8 @@ class Film(NamedTuple):
 @subroutine
 def _reach_along(pieces: Pieces, p: int, x: float, y: float) -> float:
     """How far a piece reaches from the center of its grain along (x, y) [m]."""
-    most = -inf
-    for v in range(pieces.start[p], pieces.start[p + 1]):
-        most = max(most, pieces.corner[v, X] * x + pieces.corner[v, Y] * y)
-    return float(most + pieces.rounding[p])
+    v = farthest(pieces, p, x, y)
+    return float(pieces.corner[v, X] * x + pieces.corner[v, Y] * y + pieces.rounding[p])
 
 
 @subroutine
@@ -257,9 +255,7 @@ def _to_shape(scene: Scene, i: int, shape: int) -> tuple[float, float]:
 
 
 @subroutine
-def _facing_line(
-    pieces: Pieces, scene: Scene, i: int, a: int, shape: int, ox: float, oy: float
-) -> Point:
+def _facing_line(pieces: Pieces, scene: Scene, a: int, shape: int, ox: float, oy: float) -> Point:
     """The point of a piece that is nearest to the line of a wall, wherever this ends.
 
     Its normal leads to the side of the line on which the piece is.
@@ -275,13 +271,7 @@ def _facing_line(
         reach, behind = _reach_along(pieces, a, -nx, -ny), _reach_along(pieces, a, nx, ny)
         if -away - behind > away - reach:
             nx, ny, away, reach = -nx, -ny, -away, behind
-    low = pieces.start[a]
-    for v in range(low, pieces.start[a + 1]):
-        if pieces.corner[v, X] * nx + pieces.corner[v, Y] * ny < (
-            pieces.corner[low, X] * nx + pieces.corner[low, Y] * ny
-        ):
-            low = v
-    r = pieces.rounding[a]
+    low, r = farthest(pieces, a, -nx, -ny), pieces.rounding[a]
     x, y = pieces.corner[low, X] - r * nx, pieces.corner[low, Y] - r * ny
     return Point(nx, ny, away - reach, x, y, 0.0, 0.0, np.int64(low))
 
@@ -308,7 +298,7 @@ def _film(
         )  # fmt: skip
     is_line = kind in (_PLANE, _SEGMENT, _SIDE)
     if is_line:
-        point = _facing_line(pieces, scene, i, a, shape, ox, oy)
+        point = _facing_line(pieces, scene, a, shape, ox, oy)
     else:
         point = touch_pieces(pieces, scene, i, a, j, b)[0]
     if not point.gap <= gas.reach * smaller_radius(scene, i, j):

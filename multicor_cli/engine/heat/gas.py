@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,10 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import log
 from multicor_cli.engine.geometry.radii import effective_radius, other_radius, pair_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, PairTransfer
+from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism, NearPairs, PairTransfer
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats, Ints, Model
-
-if TYPE_CHECKING:
-    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 GasModel = Literal["parallel", "batchelor", "vargas"]
 
@@ -145,12 +142,9 @@ def parallel_between(
 
 @formula
 def batchelor_conductance(
-    gas_conductivity: float,
-    solid_conductivity: float,
-    effective_radius: float,
-    spot: float,
+    gas_conductivity: float, solid_conductivity: float, effective_radius: float, spot: float,
     gap: float,
-) -> float:
+) -> float:  # fmt: skip
     """What the gas adds to the conductance 2λ_s s of the spot, after Batchelor & O'Brien [W/K].
 
     With κ = λ_s/λ_f the total is ``2π a* λ_f (ln κ² + f)``:
@@ -238,12 +232,9 @@ def gas_conductances(
             out[k] += parallel_conductance_wall(gas_conductivity, radius, core, open_gap)
         elif model == BATCHELOR:
             out[k] += batchelor_conductance(
-                gas_conductivity,
-                laws.harmonic[a, b],
-                pair_radius(scene, i[k], j[k]),
-                spot[k],
+                gas_conductivity, laws.harmonic[a, b], pair_radius(scene, i[k], j[k]), spot[k],
                 open_gap,
-            )
+            )  # fmt: skip
         elif spot[k] > 0.0 or gap[k] <= 0.0:  # a formula for spheres that touch
             out[k] += vargas_conductance(gas_conductivity, mean_radius, spot[k])
         if spot[k] > 0.0:

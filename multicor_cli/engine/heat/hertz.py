@@ -122,12 +122,6 @@ def biot_number(conductance: float, inner: float) -> float:
 
 
 @formula
-def macro_resistance(contact_radius: float, harmonic: float) -> float:
-    """Resistance of the spot ``R_L = 1/(2 λ_h a_c)`` [K/W]; a_c [m], λ_h [W/(m K)]."""
-    return 1.0 / (2.0 * harmonic * contact_radius)
-
-
-@formula
 def micro_resistance(
     contact_radius: float, peak_pressure: float, harmonic: float, roughness: float, slope: float,
     microhardness: float,
@@ -153,7 +147,7 @@ def rough_conductance(
     if force <= 0.0 or contact_radius <= 0.0:
         return 0.0
     pressure = 2.0 * modulus * contact_radius / (pi * effective_radius)
-    macro = macro_resistance(contact_radius, harmonic)
+    macro = 1.0 / hertz_conductance(harmonic, contact_radius)
     micro = micro_resistance(contact_radius, pressure, harmonic, roughness, slope, microhardness)
     return 1.0 / (macro + micro)
 

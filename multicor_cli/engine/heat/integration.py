@@ -34,14 +34,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from multicor_cli.arithmetic import cbrt
-from multicor_cli.engine.heat.rates import (
-    Flow,
-    Network,
-    Rates,
-    rates_at,
-    solve_linear,
-    try_euler,
-)
+from multicor_cli.engine.heat.rates import Flow, Network, Rates, rates_at, solve_linear, try_euler
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.engine.orders import stop_if_asked
 from multicor_cli.model.model import Floats
@@ -128,7 +121,7 @@ def integrate(
         CannotIntegrate: If a temperature would fall below absolute zero, or no sub-step is short
             enough.
     """
-    flow = Flow.empty(capacity.size, walls.count)
+    flow = Flow.empty(capacity.size, len(walls.conditions))
     flow.next_step = first
     power = source / dt
     longest = min(EULER * choices.tolerance, 0.5 * choices.sub_step)
@@ -149,14 +142,8 @@ def integrate(
         else:
             is_stiff = choices.integrator == "auto" and stiffness > STIFF
             scheme = _Implicit if is_implicit or is_stiff else _Explicit
-            _march(
-                scheme,
-                _Problem(net, capacity, values, power, choices),
-                temperature,
-                length,
-                flow,
-                should_stop,
-            )
+            problem = _Problem(net, capacity, values, power, choices)
+            _march(scheme, problem, temperature, length, flow, should_stop)
     flow.received += source
     return flow
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.model import Floats, Ints, Model
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.network import NearOutlines
 
 Rows = NDArray[np.int64]
 """Some of the rows of a table."""
@@ -48,19 +51,6 @@ class HeatLaws(NamedTuple):
     wear: Floats
 
 
-class Outlines(Protocol):
-    """Near pairs in which a grain is no disc, as mechanisms ask them: `near.NearOutlines`."""
-
-    def is_of_discs(self) -> NDArray[np.bool_]: ...
-
-    def add_films(
-        self, laws: HeatLaws, gas: float, reach: float, i: Ints, j: Ints, spot: Floats,
-        conductance: Floats,
-    ) -> None: ...  # fmt: skip
-
-    def put_views(self, laws: HeatLaws, i: Ints, j: Ints, gap: Floats, area: Floats) -> None: ...
-
-
 @dataclass(frozen=True)
 class NearPairs:
     """Pairs of bodies near each other, sorted by (i, j), in ``e`` rows of each array.
@@ -73,7 +63,7 @@ class NearPairs:
     j: Ints
     gap: Floats
     spot: Floats
-    outlines: Outlines | None = None
+    outlines: NearOutlines | None = None
 
 
 @dataclass(frozen=True)

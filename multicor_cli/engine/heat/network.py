@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import warm_rows
+from multicor_cli.engine.contact.faces import rows_of_faces
+from multicor_cli.engine.geometry.pieces import Pieces, turned
 from multicor_cli.engine.geometry.places import find_places, largest_of_places, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.faces import FacePoints
+from multicor_cli.engine.heat.faces import Corners, FacePoints
+from multicor_cli.engine.heat.films import Film, film_conductances
 from multicor_cli.engine.heat.hertz import biot_number
-from multicor_cli.engine.heat.mechanism import NearPairs, Rows
-from multicor_cli.engine.heat.near import NearOutlines, Outlined
+from multicor_cli.engine.heat.mechanism import HeatLaws, NearPairs, Rows
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.spots import Spots, look_up, look_up_largest, resting_contacts
+from multicor_cli.engine.heat.spots import Spots, look_up, resting_contacts
+from multicor_cli.engine.heat.views import Hulls, gaps_of_outlines, views_of_outlines
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS
@@ -112,6 +115,77 @@ def _sort_links(shapes: Shapes, i: Ints, j: Ints) -> tuple[Floats, Rows, Rows, R
     )  # fmt: skip
 
 
+# ---- Near pairs in which a grain is no disc, as mechanisms see them: their gas, and their views
+
+
+class Outlined(NamedTuple):
+    """What lasts with grains that are no discs; pieces are at angle 0."""
+
+    pieces: Pieces
+    corners: Corners
+    hulls: Hulls
+
+
+@dataclass(frozen=True)
+class NearOutlines:
+    """Pairs of outlines near each other.
+
+    Attributes:
+        rows: Which of all near pairs they are, ascending.
+        scene: The scene.
+        outlined: Of all bodies, with the pieces as they lie there.
+        normal: Normals at the nearest points of the rows, from j to i, shape ``(e, 2)``.
+        of_sides: What sides that lie on each other conduct as a contact [W/K], shape ``(e,)``.
+        is_rough: Whether sides are rough.
+    """
+
+    rows: Rows
+    scene: Scene
+    outlined: Outlined
+    normal: Floats
+    of_sides: Floats
+    is_rough: bool
+
+    @classmethod
+    def of(
+        cls, scene: Scene, known: Outlined, i: Ints, j: Ints, gap: Floats, of_sides: Floats, *,
+        is_rough: bool,
+    ) -> NearOutlines:  # fmt: skip
+        """Those among near pairs; **modifies** their gaps [m], shape ``(e,)``: to the true ones."""
+        pieces = turned(known.pieces, scene)
+        rows: Rows = np.flatnonzero(rows_of_faces(pieces.is_face, i, j))
+        normal = np.zeros((i.size, 2))
+        gaps_of_outlines(scene, pieces, known.hulls, rows, i, j, gap, normal)
+        return cls(rows, scene, known._replace(pieces=pieces), normal, of_sides, is_rough)
+
+    def is_of_discs(self) -> NDArray[np.bool_]:
+        """Which near pairs are not among these, shape ``(e,)``."""
+        found = np.ones(self.of_sides.size, np.bool_)
+        found[self.rows] = False
+        return found
+
+    def add_films(
+        self, laws: HeatLaws, gas: float, reach: float, i: Ints, j: Ints, spot: Floats,
+        conductance: Floats,
+    ) -> None:  # fmt: skip
+        """Add what a gas of conductivity λ_f [W/(m K)] conducts to ``conductance`` [W/K], ``(e,)``.
+
+        It crosses gaps up to ``reach`` times the smaller radius; radii of spots are in [m].
+        """
+        pieces, corners, _ = self.outlined
+        film_conductances(
+            self.scene, pieces, corners, laws, Film(gas, reach), self.is_rough, self.rows, i, j,
+            spot, self.of_sides, conductance,
+        )  # fmt: skip
+
+    def put_views(self, laws: HeatLaws, i: Ints, j: Ints, gap: Floats, area: Floats) -> None:
+        """Put area factors of radiation into ``area`` [m²]; gaps [m]; shape ``(e,)``."""
+        _, corners, hulls = self.outlined
+        views_of_outlines(
+            self.scene, hulls, laws, corners.thickness, self.rows, i, j, gap, self.normal, area
+        )
+
+
 # ---- From contacts, gaps, walls and surroundings to links between nodes
 
 Pairs = tuple[Ints, Ints, Floats]
@@ -179,16 +253,14 @@ def near_links(
     laws, area, touching = settings.laws, np.empty(0), spots.touching
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, touching.i)
-    conductance, spot = np.empty(i.size), np.empty(i.size)
-    look_up(row, touching.j, spots.conductance, i, j, conductance)
-    look_up_largest(row, touching.j, spots.radius, i, j, spot)
+    conductance = look_up(row, touching.j, spots.conductance, i, j, False)
+    spot = look_up(row, touching.j, spots.radius, i, j, True)
     place, share = find_places(scene, i, j)
     spot = np.where(share > 0.0, largest_of_places(place, spot), 0.0)
     outlines, of_gas = None, share
     if outlined is not None and touching.points is not None:
-        of_sides = np.empty(i.size)
         sides = np.where(touching.points.is_side, spots.conductance, 0.0)
-        look_up(row, touching.j, sides, i, j, of_sides)
+        of_sides = look_up(row, touching.j, sides, i, j, False)
         is_rough = settings.conduction == "rough"
         outlines = NearOutlines.of(scene, outlined, i, j, gap, of_sides, is_rough=is_rough)
         of_gas = np.where(outlines.is_of_discs(), share, 1.0)  # each piece of a wall has its own

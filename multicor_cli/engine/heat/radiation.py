@@ -20,20 +20,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from multicor_cli.arithmetic import acos
 from multicor_cli.engine.geometry.radii import other_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, Outside, PairTransfer
+from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism, NearPairs, Outside, PairTransfer
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints, Model
-
-if TYPE_CHECKING:
-    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan–Boltzmann constant σ [W/(m² K⁴)] (exact in SI)."""

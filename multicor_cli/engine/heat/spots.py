@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -68,29 +68,18 @@ def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats
 
 @kernel
 def look_up(
-    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
-) -> None:
-    """Sums of values of pairs in a table sorted by (i, j) into ``found``, ``(c,)``; 0 without any.
+    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, is_largest: bool
+) -> Floats:
+    """Sums of values of pairs in a table sorted by (i, j), or their largest; 0 without any.
 
     ``row`` is the first row of each grain in the table, shape ``(n + 1,)``.
     """
+    found = np.zeros(i.size)
     for c in range(i.size):
-        found[c] = 0.0
         for k in range(row[i[c]], row[i[c] + 1]):
             if known_j[k] == j[c]:
-                found[c] += values[k]
-
-
-@kernel
-def look_up_largest(
-    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
-) -> None:
-    """As `look_up`, the largest of the values, at least 0."""
-    for c in range(i.size):
-        found[c] = 0.0
-        for k in range(row[i[c]], row[i[c] + 1]):
-            if known_j[k] == j[c]:
-                found[c] = max(found[c], values[k])
+                found[c] = max(found[c], values[k]) if is_largest else found[c] + values[k]
+    return found
 
 
 @kernel
@@ -163,10 +152,6 @@ class Touching:
             else corners_of_discs(scene, pieces, i, j)
         )
         return cls(i, j, *laws_of_pairs(scene, i, j, laws), rough, corners)
-
-    def at(self, points: FacePoints) -> Touching:
-        """The same with the points of a moment."""
-        return replace(self, points=points)
 
     def places(self, scene: Scene) -> Places:
         """Places of the contacts at a moment."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -38,17 +39,15 @@ from multicor_cli.engine.heat.friction import (
     NO_FRICTION,
     SLIDING,
     Solved,
-    collide,
     generate,
     sliding_heat,
-    strike,
 )
-from multicor_cli.engine.heat.hits import hit, known_points
+from multicor_cli.engine.heat.impacts import collide, hit, known_points, strike
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
-from multicor_cli.engine.heat.near import Outlined
 from multicor_cli.engine.heat.network import (
     Ends,
     Links,
+    Outlined,
     contact_links,
     ends_of,
     near_links,
@@ -298,12 +297,11 @@ class HeatStep:
         """Contacts with their points in a scene, of grains that are no discs."""
         assert self._outlined is not None
         pieces, corners, _ = self._outlined
-        return touching.at(
-            FacePoints.of(
-                scene, turned(pieces, scene), corners, self._settings.laws.conductivity,
-                touching.i, touching.j, key, touching.radius,
-            )
+        points = FacePoints.of(
+            scene, turned(pieces, scene), corners, self._settings.laws.conductivity, touching.i,
+            touching.j, key, touching.radius,
         )  # fmt: skip
+        return replace(touching, points=points)
 
     def _generate(self, scene: Scene, solved: Solved, share: Floats) -> _Rubbed:
         """Heat that contacts generate; enters the books, and wears."""

@@ -61,10 +61,6 @@ class WallValues:
     conditions: Sequence[WallHeat]
     start: float
 
-    @property
-    def count(self) -> int:
-        return len(self.conditions)
-
     def pieces(self, dt: float) -> list[tuple[WallValues, float]]:
         """The step in pieces, cut where signals bend: values and length [s]; no pulse is missed."""
         corners = {
@@ -95,7 +91,7 @@ class WallValues:
 
     def lasting(self, dt: float) -> Floats:
         """Integral of the values over ``dt`` [K s] or [J], ``(w,)``: signals rise straight here."""
-        found = np.zeros(self.count)
+        found = np.zeros(len(self.conditions))
         for values, length in self.pieces(dt):
             found += length * values(0.5 * length)
         return found

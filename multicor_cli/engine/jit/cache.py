@@ -84,16 +84,8 @@ def _may_keep() -> bool:
 
 def cache_name() -> str:
     """Name of the cache directory of this package, interpreter and processor."""
-    compiler = f"numba{metadata.version('numba')}"
-    return "-".join(
-        [
-            "kernels",
-            _source_digest(),
-            compiler,
-            str(sys.implementation.cache_tag),
-            _processor_digest(),
-        ]
-    )
+    compiler, tag = f"numba{metadata.version('numba')}", str(sys.implementation.cache_tag)
+    return "-".join(["kernels", _source_digest(), compiler, tag, _processor_digest()])
 
 
 def kernel_sources(root: Path) -> list[Path]:

@@ -154,12 +154,9 @@ def _twin(function: Callable[..., Any], version: str) -> Callable[..., Any]:
     """A copy that calls this version of the kernels on threads that it names."""
     named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
     chosen = {name: getattr(one, version) for name, one in named.items() if hasattr(one, version)}
+    names = {**function.__globals__, **chosen} if chosen else function.__globals__
     twin = FunctionType(
-        function.__code__,
-        {**function.__globals__, **chosen} if chosen else function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        function.__closure__,
+        function.__code__, names, function.__name__, function.__defaults__, function.__closure__
     )
     # Numba's cache knows functions by their names alone
     suffix = "" if version == "alone" else f"_{version}"

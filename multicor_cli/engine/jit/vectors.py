@@ -36,7 +36,6 @@ HAS_VECTORS = IS_COMPILING
 _DOUBLE, _INT, _LONG = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _UNDEFINED = ir.Constant(_VECTOR, ir.Undefined)
-_ZERO = ir.Constant(_VECTOR, [0.0] * LANES)
 _SIGN = 1 << 63  # bit of a double
 # Lanes of two vectors, side by side
 _EVEN, _ODD, _LOW, _HIGH = (0, 4, 2, 6), (1, 5, 3, 7), (0, 1, 4, 5), (2, 3, 6, 7)
@@ -79,11 +78,11 @@ class Vector:
 
     def larger(self, other: Vector) -> Vector:
         """As ``a if a > b else b``, lane by lane."""
-        return self._select(">", other, self, other)
+        return self.where(">", other, self, other)
 
     def smaller(self, other: Vector) -> Vector:
         """As ``a if a < b else b``, lane by lane."""
-        return self._select("<", other, self, other)
+        return self.where("<", other, self, other)
 
     def flipped(self, lanes: Sequence[bool]) -> Vector:
         """With the other sign in some lanes."""
@@ -102,14 +101,6 @@ class Vector:
 
     def where(self, comparison: str, other: Vector, then: Vector, otherwise: Vector) -> Vector:
         """``then`` in the lanes where the comparison with ``other`` holds."""
-        return self._select(comparison, other, then, otherwise)
-
-    def where_positive(self, other: Vector) -> Vector:
-        """``other`` in the lanes where this is above 0, 0 in the rest."""
-        zero = Vector(self.builder, _ZERO)
-        return self._select(">", zero, other, zero)
-
-    def _select(self, comparison: str, other: Vector, then: Vector, otherwise: Vector) -> Vector:
         is_so = self.builder.fcmp_ordered(comparison, self.value, other.value)
         return Vector(self.builder, self.builder.select(is_so, then.value, otherwise.value))
 
@@ -141,8 +132,8 @@ class Writer:
         """A whole number, as an index."""
         return _LONG(value)
 
-    def times(self, index: ir.Value, factor: int, plus: int = 0) -> ir.Value:
-        return self.builder.add(self.builder.mul(index, _LONG(factor)), _LONG(plus))
+    def times(self, index: ir.Value, factor: int) -> ir.Value:
+        return self.builder.mul(index, _LONG(factor))
 
     def offset(self, index: ir.Value, by: int) -> ir.Value:
         return self.builder.add(index, _LONG(by))

@@ -76,13 +76,9 @@ def _overlap(scene: Scene, pieces: Pieces | None, i: int, j: int, known: float) 
 
 @kernel
 def mark_overlaps(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    tolerance: float,
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, tolerance: float,
     marked: NDArray[np.bool_],
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Mark grains of pairs that overlap by more than ``tolerance``, over the smaller radius.
 
     Returns the largest overlap of these, and of all others (or 0).
@@ -101,11 +97,7 @@ def mark_overlaps(
 
 @kernel
 def mark_again(
-    scene: Scene,
-    pieces: Pieces | None,
-    around: Around,
-    tolerance: float,
-    marked: NDArray[np.bool_],
+    scene: Scene, pieces: Pieces | None, around: Around, tolerance: float, marked: NDArray[np.bool_]
 ) -> tuple[float, float]:
     """As `mark_overlaps`, of all listed pairs of grains that are ``marked``: they have moved."""
     above, below = 0.0, 0.0
@@ -132,13 +124,9 @@ def mark_again(
 
 @kernel
 def surround(
-    scene: Scene,
-    pieces: Pieces | None,
-    around: Around,
-    near: float,
-    rings: int,
+    scene: Scene, pieces: Pieces | None, around: Around, near: float, rings: int,
     marked: NDArray[np.bool_],
-) -> int:
+) -> int:  # fmt: skip
     """Mark the grains around marked ones too, over gaps up to ``near`` [m], in some rings.
 
     Returns how many are marked.
@@ -216,18 +204,10 @@ def _opening(
 
 @kernel
 def push_pairs(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    around: Around,
-    mass: Floats,
-    inertia: Floats,
-    target: float,
-    allowed: float,
-    marked: NDArray[np.bool_],
-) -> tuple[float, float]:
-    """Push pairs that overlap by more than ``allowed`` back to ``target``, and whom that pushes.
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, around: Around, mass: Floats,
+    inertia: Floats, marked: NDArray[np.bool_],
+) -> tuple[float, float]:  # fmt: skip
+    """Push pairs that overlap by more than `ALLOWED` back to `TARGET`, and whom that pushes.
 
     One after the other, as masses and moments of inertia say, walls held, until none is left or too
     many have been; not at all where these are not few. Positions of ``scene`` and ``pieces`` are
@@ -237,7 +217,7 @@ def push_pairs(
     most = int(FEW * count)
     queue = np.empty((PUSHES * most, 2), np.int32)
     for c in range(i.size):
-        if marked[i[c]] and _overlap(scene, pieces, i[c], j[c], allowed) > allowed:
+        if marked[i[c]] and _overlap(scene, pieces, i[c], j[c], ALLOWED) > ALLOWED:
             if found == most:
                 return 0.0, 0.0
             queue[found, FIRST], queue[found, SECOND] = i[c], j[c]
@@ -248,9 +228,9 @@ def push_pairs(
         done += 1
         gap, nx, ny, way_a, way_b, turn_a, turn_b = _opening(scene, pieces, a, b, mass, inertia)
         smaller = smaller_of(scene, a, b)
-        if -gap <= allowed * smaller:
+        if -gap <= ALLOWED * smaller:
             continue
-        opened = -gap - target * smaller
+        opened = -gap - TARGET * smaller
         displace(scene, pieces, a, way_a * opened * nx, way_a * opened * ny, turn_a * opened)
         pull_x += mass[a] * way_a * opened * nx
         pull_y += mass[a] * way_a * opened * ny
@@ -266,7 +246,7 @@ def push_pairs(
             for e in range(around.start[k], around.start[k + 1]):
                 first, second = min(k, around.other[e]), max(k, around.other[e])
                 if found < queue.shape[0] and (
-                    _overlap(scene, pieces, first, second, allowed) > allowed
+                    _overlap(scene, pieces, first, second, ALLOWED) > ALLOWED
                 ):
                     queue[found, FIRST], queue[found, SECOND] = first, second
                     found += 1
@@ -291,36 +271,23 @@ class Correction(NamedTuple):
 
 @kernel
 def push_apart(
-    scene: Scene,
-    pieces: Pieces | None,
-    local: Floats,
-    i: Ints,
-    j: Ints,
-    around: Around,
-    mass: Floats,
-    inertia: Floats,
-    wall_inverse: Floats,
-    near: float,
-    below: float,
-    rings: int,
+    scene: Scene, pieces: Pieces | None, local: Floats, i: Ints, j: Ints, around: Around,
+    mass: Floats, inertia: Floats, wall_inverse: Floats, near: float, below: float,
     marked: NDArray[np.bool_],
-) -> tuple[float, float, float, int]:
+) -> tuple[float, float, float, int]:  # fmt: skip
     """Pairs one by one, then rounds of linearized corrections, until no overlap exceeds `ALLOWED`.
 
     The pairs (i, j) are those that may at first, all others overlap by ``below`` at most;
-    ``around`` lists all with a gap up to ``near`` [m], which take part.
-    ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
-    walls, shape ``(w, 3)``: they move with everything only. **Modifies** what
-    `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
-    Σ m δx and Σ m δy [kg m], and the rounds.
+    ``around`` lists all with a gap up to ``near`` [m], which take part. ``local`` are the wall
+    shapes in the frames of their walls, ``wall_inverse`` inverse masses of walls, shape ``(w, 3)``:
+    they move with everything only. **Modifies** what `correct_positions` does; ``marked`` is work
+    space, shape ``(n,)``. Returns the largest overlap, Σ m δx and Σ m δy [kg m], and the rounds.
     """
     above, others = mark_overlaps(scene, pieces, i, j, ALLOWED, marked)
     below = max(below, others)
     held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
     if above > 0.0:
-        pull_x, pull_y = push_pairs(
-            scene, pieces, i, j, around, mass, inertia, TARGET, ALLOWED, marked
-        )
+        pull_x, pull_y = push_pairs(scene, pieces, i, j, around, mass, inertia, marked)
         above, others = mark_again(scene, pieces, around, ALLOWED, marked)
         below = max(below, others)
         rounds = 1
@@ -331,7 +298,7 @@ def push_apart(
         near = min(near, CHAIN * above * largest)
         is_local = rounds <= LOCAL_ROUNDS
         if is_local:
-            count = surround(scene, pieces, around, near, rings, marked)
+            count = surround(scene, pieces, around, near, RINGS, marked)
             is_local = count <= LOCAL_SHARE * marked.size
         if not is_local:
             marked[:] = True
@@ -372,19 +339,10 @@ def reach_of(overlap: float, model: Model) -> float:
 
 
 def correct_positions(
-    scene: Scene,
-    pieces: Pieces | None,
-    model: Model,
-    gravity: Floats,
-    motion: WallMotion,
-    lists: NeighborList,
-    i: Ints,
-    j: Ints,
-    near: float,
-    below: float,
-    marked: NDArray[np.bool_],
+    scene: Scene, pieces: Pieces | None, model: Model, gravity: Floats, motion: WallMotion,
+    lists: NeighborList, i: Ints, j: Ints, near: float, below: float, marked: NDArray[np.bool_],
     step: int,
-) -> Correction:
+) -> Correction:  # fmt: skip
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
@@ -403,7 +361,7 @@ def correct_positions(
         inertia = mass * spin * spin / model.shape_factor
     overlap, pull_x, pull_y, rounds = push_apart(
         scene, pieces, model.shapes.geometry, i, j, lists.around, mass,
-        inertia, mobility, near, below, RINGS, marked,
+        inertia, mobility, near, below, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, pieces, model, lists, marked, overlap))
@@ -433,13 +391,9 @@ def _worst_pair(
 
 
 def _name_overlap(
-    scene: Scene,
-    pieces: Pieces | None,
-    model: Model,
-    lists: NeighborList,
-    marked: NDArray[np.bool_],
-    overlap: float,
-) -> str:
+    scene: Scene, pieces: Pieces | None, model: Model, lists: NeighborList,
+    marked: NDArray[np.bool_], overlap: float,
+) -> str:  # fmt: skip
     i, j = _worst_pair(scene, pieces, lists.row, lists.partner, marked)
     n = model.grain_count
     why = "too many grains between prescribed walls?"

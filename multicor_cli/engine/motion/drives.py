@@ -51,35 +51,6 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Ramp:
-    """Linear from ``start`` to ``end`` within ``duration`` [s], then ``end``."""
-
-    start: float
-    end: float
-    duration: float
-
-    def value(self, t: float) -> float:
-        if t >= self.duration:
-            return self.end
-        return self.start + (self.end - self.start) * (t / self.duration)
-
-    def largest(self) -> float:
-        return max(abs(self.start), abs(self.end))
-
-    def steepest(self) -> float:
-        return abs(self.end - self.start) / self.duration
-
-    def swing(self) -> float:
-        return abs(self.end - self.start)
-
-    def shortest_period(self, start: float, end: float) -> float:
-        return math.inf
-
-    def corners(self, start: float, end: float) -> list[float]:
-        return [self.duration] if start < self.duration < end else []
-
-
-@dataclass(frozen=True)
 class Sine:
     """``mean + amplitude · sin(2π t/period + phase)``, phase in radians."""
 
@@ -155,11 +126,18 @@ class Interpolated:
         )
 
 
+class Ramp(Interpolated):
+    """Linear from ``start`` to ``end`` within ``duration`` [s], then ``end``."""
+
+    def __init__(self, start: float, end: float, duration: float) -> None:
+        super().__init__((0.0, duration), (start, end))
+
+
 @dataclass(frozen=True)
 class Shifted:
     """A signal of the stage that began ``offset`` [s] before this one; bounds include the past."""
 
-    signal: Constant | Ramp | Sine | Interpolated
+    signal: Constant | Sine | Interpolated
     offset: float
 
     def value(self, t: float) -> float:
@@ -183,7 +161,7 @@ class Shifted:
         ]
 
 
-Signal = Constant | Ramp | Sine | Interpolated | Shifted
+Signal = Constant | Sine | Interpolated | Shifted
 
 
 def _middles(times: Sequence[float], values: Sequence[float], least: float) -> list[float]:

@@ -31,11 +31,8 @@ def predict(
             # All is read before any is written: in vectors, then
             vx, vy, spin = velocity[i, X], velocity[i, Y], velocity[i, SPIN]
             x, y = position[i, X] + half * vx, position[i, Y] + half * vy
-            angle, surface, lightness = (
-                position[i, ANGLE] + half * spin,
-                radius[i] * spin,
-                1.0 / mass[i],
-            )
+            angle, surface = position[i, ANGLE] + half * spin, radius[i] * spin
+            lightness = 1.0 / mass[i]
             fx, fy = vx + fall_x, vy + fall_y
             middle[i, X], middle[i, Y], middle[i, ANGLE] = x, y, angle
             start[i, X], start[i, Y], start[i, SURFACE], start[i, INVERSE_MASS] = (

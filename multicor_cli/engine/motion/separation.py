@@ -69,12 +69,9 @@ class _Bodies(NamedTuple):
 
 @kernel
 def _bodies(
-    marked: NDArray[np.bool_],
-    mass: Floats,
-    inertia: Floats | None,
-    wall_inverse: Floats,
+    marked: NDArray[np.bool_], mass: Floats, inertia: Floats | None, wall_inverse: Floats,
     is_cell: bool,
-) -> _Bodies:
+) -> _Bodies:  # fmt: skip
     """``wall_inverse`` are inverse masses of walls, of a cell those of its strain, ``(w, 3)``.
 
     Without ``inertia`` no grain turns.
@@ -104,15 +101,9 @@ def _bodies(
 
 @kernel
 def _measure(
-    scene: Scene,
-    pieces: Pieces | None,
-    bodies: _Bodies,
-    i: Ints,
-    j: Ints,
-    near: float,
-    target: float,
-    allowed: float,
-) -> tuple[Ints, Floats, Floats]:
+    scene: Scene, pieces: Pieces | None, bodies: _Bodies, i: Ints, j: Ints, near: float,
+    target: float, allowed: float,
+) -> tuple[Ints, Floats, Floats]:  # fmt: skip
     """Pairs that can be moved: bodies; normal, how far they may still close [m] and 1/W [kg].
 
     Each point of grains that are no discs is one: what moves one may undo another. Levers are the
@@ -198,13 +189,7 @@ def _enter_row(
 
 @formula
 def _relax(
-    c: int,
-    pair: Ints,
-    frame: Floats,
-    lever: Floats,
-    push: Floats,
-    mobility: Floats,
-    shift: Floats,
+    c: int, pair: Ints, frame: Floats, lever: Floats, push: Floats, mobility: Floats, shift: Floats
 ) -> float:
     """Relax a pair; returns by how much it opens, or closes if that is negative [m]."""
     a, b = pair[c, FIRST], pair[c, SECOND]
@@ -236,14 +221,9 @@ def _relax(
 
 @kernel
 def _solve(
-    pair: Ints,
-    frame: Floats,
-    lever: Floats,
-    bodies: _Bodies,
-    enough: float,
-    sweeps: int,
+    pair: Ints, frame: Floats, lever: Floats, bodies: _Bodies, enough: float, sweeps: int,
     memory: NDArray[np.void],
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Displacements and turns of the bodies [m, rad] and the strain, rows of `_Bodies`.
 
     By accelerated sweeps. ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees
@@ -270,20 +250,10 @@ def _solve(
 
 @kernel
 def separate(
-    scene: Scene,
-    pieces: Pieces | None,
-    i: Ints,
-    j: Ints,
-    marked: NDArray[np.bool_],
-    mass: Floats,
-    inertia: Floats,
-    wall_inverse: Floats,
-    near: float,
-    target: float,
-    allowed: float,
-    enough: float,
-    sweeps: int,
-) -> tuple[Floats, float, float]:
+    scene: Scene, pieces: Pieces | None, i: Ints, j: Ints, marked: NDArray[np.bool_], mass: Floats,
+    inertia: Floats, wall_inverse: Floats, near: float, target: float, allowed: float,
+    enough: float, sweeps: int,
+) -> tuple[Floats, float, float]:  # fmt: skip
     """Move the marked grains as little as leaves no more than a target of overlap.
 
     Solves min ½ Σ m δq² + ½ Σ I δθ² with gap + n·δq ≥ −target, δq where they touch, for the pairs

@@ -175,12 +175,9 @@ def _grain_at(paths: Paths, k: int, t: float) -> tuple[float, float, float, floa
     c, s = cos(ago * spin), sin(ago * spin)
     rx, ry = c * lx - s * ly, s * lx + c * ly
     return (
-        x + ago * u + rx - lx,
-        y + ago * v + ry - ly,
-        u - spin * ry,
-        v + spin * rx,
+        x + ago * u + rx - lx, y + ago * v + ry - ly, u - spin * ry, v + spin * rx,
         spin * spin * np.sqrt(lx * lx + ly * ly),
-    )
+    )  # fmt: skip
 
 
 @subroutine
@@ -304,12 +301,8 @@ def _join(
     if paths.motion[k] != motion:
         x, y, _, _, _ = _grain_at(paths, k, t)
         paths.motion[k], paths.since[k] = motion, t
-        paths.place[k, X], paths.place[k, Y], paths.velocity[k, X], paths.velocity[k, Y] = (
-            x,
-            y,
-            u,
-            v,
-        )
+        paths.place[k, X], paths.place[k, Y] = x, y
+        paths.velocity[k, X], paths.velocity[k, Y] = u, v
         changed[k] = True
 
 
@@ -357,11 +350,8 @@ def meet(
             motion, u, v = other, paths.wall_velocity[other, X], paths.wall_velocity[other, Y]
         else:
             leader = i if other < 0 or 0 <= mine < other else j
-            motion, u, v = (
-                paths.motion[leader],
-                paths.velocity[leader, X],
-                paths.velocity[leader, Y],
-            )
+            motion = paths.motion[leader]
+            u, v = paths.velocity[leader, X], paths.velocity[leader, Y]
         _join(paths, i, now, motion, u, v, changed)
         if j < count:
             _join(paths, j, now, motion, u, v, changed)

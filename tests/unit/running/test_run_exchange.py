@@ -15,7 +15,7 @@ import multicor_cli as multicor
 from multicor_cli import post
 from multicor_cli.checks import Verdict, check_run
 from multicor_cli.engine import Interrupted, PhysicsError
-from multicor_cli.engine.inflow.population import find_room
+from multicor_cli.engine.inflow import find_room
 from multicor_cli.export.csv_files import export_csv
 from multicor_cli.model import Presence
 from multicor_cli.packing import build, place

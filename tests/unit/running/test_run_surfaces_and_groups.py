@@ -12,7 +12,7 @@ from scenes import changed
 
 from multicor_cli import Scenario, open_run, run
 from multicor_cli.engine import Engine
-from multicor_cli.engine.inflow.population import find_room
+from multicor_cli.engine.inflow import find_room
 from multicor_cli.export import frame_problem
 from multicor_cli.model.state import find_misfit
 from multicor_cli.packing import build, place

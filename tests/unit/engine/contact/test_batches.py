@@ -13,8 +13,8 @@ from scene_parts import advance, shear_engine
 from multicor_cli.engine.contact import residual, sweep, vector_sweep
 from multicor_cli.engine.contact.ordering import SPACING, make_batches
 from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
-from multicor_cli.engine.contact.sweep import EXACT, NO_CELL, Before, CellTerms, Relaxation, System
-from multicor_cli.engine.contact.system import OneByOne, batch, by_slot, flatten
+from multicor_cli.engine.contact.sweep import EXACT, NO_CELL, Before, CellTerms, Relaxation
+from multicor_cli.engine.contact.system import OneByOne, by_slot, flatten, one_tile
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
 from multicor_cli.model.columns import (
@@ -61,14 +61,7 @@ def random_contacts(count, bodies, seed, held=0):
 
 
 def system_of(contacts, velocity):
-    diagonal = batch(contacts, velocity)
-    nothing = np.empty((0, 2), np.int32)
-    return System(
-        diagonal.velocity, np.zeros((len(velocity), 3)), diagonal.slot, diagonal.pair,
-        diagonal.frame, diagonal.impulse,
-        diagonal.tile_start, np.array([0, 1]), nothing, np.empty((0, 8)),
-        np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, len(contacts.pair),
-    )  # fmt: skip
+    return one_tile(contacts, velocity, np.zeros((len(velocity), 3)), 2.0)
 
 
 def real_system(columns):

@@ -48,7 +48,7 @@ def _points(rng, batches):
     return velocity, blocks(pair), blocks(rows), rows, impulse
 
 
-_relax_scalar = entry(face_sweep._relax_scalar)
+_relax_scalar, NONE = entry(face_sweep.relax_faces_scalar), np.empty(0)
 
 
 @kernel
@@ -73,7 +73,8 @@ def test_the_law_without_branches_is_that_of_the_full_local_problem():
     """One relaxation of free points gives the impulses of the enumeration of all states."""
     velocity, pair, block, rows, impulse = _points(np.random.default_rng(1), 50)
     old, now = impulse.copy(), velocity.copy()
-    _relax_scalar(0, len(pair), now.reshape(-1), pair, block, impulse, old.copy(), BETA, 0.0)
+    flat, before = now.reshape(-1), old.copy()
+    _relax_scalar(0, len(pair), flat, pair, block, impulse, before, BETA, 0.0, NONE, NONE)
     found = {"open": 0, "sticks": 0, "slides": 0}
     for g, row in enumerate(rows):
         i, j = pair[g // LANES, :, g % LANES] // 4
@@ -98,7 +99,8 @@ def test_points_that_are_held_keep_their_impulses():
     before, general = impulse.copy(), np.concatenate([np.ones((3, 8)), frame])
     held = np.array([1, 3, 8])  # one of them in no batch
     patches._hold_points(faces, general, held, True)
-    _relax_scalar(0, 2, velocity.reshape(-1), pair, faces.block, impulse, before.copy(), BETA, 0.0)
+    flat, old = velocity.reshape(-1), before.copy()
+    _relax_scalar(0, 2, flat, pair, faces.block, impulse, old, BETA, 0.0, NONE, NONE)
     stayed = (impulse == before).all(axis=1)
     assert stayed[[0, 5]].all()
     assert stayed.sum() < 5

@@ -6,10 +6,12 @@ import pytest
 from scene_parts import make_model
 from scipy.spatial import cKDTree
 
-from multicor_cli.engine.geometry.drift import NOTHING, Box, bound_approach, closing_gap, fit_drift
+from multicor_cli.engine.geometry.drift import Box, bound_approach, closing_gap, fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model.shapes import ShapeKind
+
+NOTHING = np.empty((0, 2))  # no origin: the vectors themselves are split
 
 
 def sheared(height, rng, rate=3.0, rest=0.01):

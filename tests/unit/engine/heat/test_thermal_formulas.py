@@ -9,7 +9,7 @@ from scipy import integrate
 
 from multicor_cli.engine.contact import law
 from multicor_cli.engine.geometry.radii import effective_radius
-from multicor_cli.engine.heat import convection, friction, gas, hertz, hits, radiation
+from multicor_cli.engine.heat import convection, friction, gas, hertz, impacts, radiation
 
 SIX_DIGITS = 5e-6
 YOUNG, POISSON, CONDUCTIVITY, DENSITY, HEAT_CAPACITY = 193e9, 0.29, 15.0, 7500.0, 500.0
@@ -193,7 +193,7 @@ def test_view_factor_is_the_crossed_strings():
 def test_rough_contact_nearly_doubles_the_resistance():
     radius, sigma, slope, hardness = spot(1.0), sqrt(2.0) * 1e-6, sqrt(2.0) * 0.1, 3e9
     pressure = peak_pressure(1.0)
-    macro = hertz.macro_resistance(radius, CONDUCTIVITY)
+    macro = 1.0 / hertz.hertz_conductance(CONDUCTIVITY, radius)
     micro = hertz.micro_resistance(radius, pressure, CONDUCTIVITY, sigma, slope, hardness)
     assert macro == digits(1907.21)
     assert micro == digits(1538.03)
@@ -228,8 +228,8 @@ def test_friction_partition_and_wear():
         friction.effusivity(200.0, 2700.0, 900.0),
     )
     assert (steel, aluminum) == (digits(7500.0), digits(22045.4))
-    assert friction.effusivity_share(steel, aluminum) == digits(0.253847)
-    assert friction.conductivity_share(15.0, 200.0) == digits(0.0697674)
+    assert friction.first_share(steel, aluminum) == digits(0.253847)
+    assert friction.first_share(15.0, 200.0) == digits(0.0697674)
     assert friction.electrothermal_share(15.0, 7.2e-7, 200.0, 2.8e-8) == digits(0.516167)
     assert friction.archard_volume(1e-4 / 2e9, 1.0 * 100.0) == pytest.approx(5e-12, rel=1e-14)
 
@@ -238,16 +238,16 @@ def test_friction_partition_and_wear():
 
 
 def test_impact_of_two_steel_grains():
-    time = friction.impact_time(0.5 * MASS, A_EFF, MODULUS, 0.1)
-    radius = friction.impact_radius(0.5 * MASS, A_EFF, MODULUS, 0.1)
-    fo = friction.fourier_number(CONDUCTIVITY, VOLUMETRIC, time, radius)
+    time = impacts.impact_time(0.5 * MASS, A_EFF, MODULUS, 0.1)
+    radius = impacts.impact_radius(0.5 * MASS, A_EFF, MODULUS, 0.1)
+    fo = impacts.fourier_number(CONDUCTIVITY, VOLUMETRIC, time, radius)
     assert time == digits(1.45732e-5)
     assert radius == digits(1.92647e-5)
     assert fo == digits(0.15707, 3e-5)
-    assert friction.impact_coefficient(fo, 1.0) == digits(0.93293)
-    assert friction.impact_coefficient(0.0, 1.0) == digits(0.901066)
+    assert impacts.impact_coefficient(fo, 1.0) == digits(0.93293)
+    assert impacts.impact_coefficient(0.0, 1.0) == digits(0.901066)
     args = 0.5 * MASS, A_EFF, MODULUS, 0.1, CONDUCTIVITY, VOLUMETRIC, CONDUCTIVITY, VOLUMETRIC
-    exchange = friction.impact_exchange(*args)
+    exchange = impacts.impact_exchange(*args)
     assert exchange == digits(1.55715e-8)
     assert exchange / (MASS * HEAT_CAPACITY) == digits(2.93723e-7)
 
@@ -255,20 +255,20 @@ def test_impact_of_two_steel_grains():
 def test_largest_spot_of_an_impact_stores_the_kinetic_energy():
     """½ m v² = (8/15) E* √a* δ^{5/2} with δ = R²/a*."""
     m, v = 0.5 * MASS, 0.1
-    radius = friction.impact_radius(m, A_EFF, MODULUS, v)
+    radius = impacts.impact_radius(m, A_EFF, MODULUS, v)
     energy = 8.0 / 15.0 * MODULUS * sqrt(A_EFF) * (radius * radius / A_EFF) ** 2.5
     assert energy == pytest.approx(0.5 * m * v * v, rel=1e-13)
 
 
 def test_impact_of_two_flat_sides():
     """Of steel, 1 mm² and a gram each; without area there is none."""
-    time = hits.flat_time(5e-4, 1e-6, MODULUS)
+    time = impacts.flat_time(5e-4, 1e-6, MODULUS)
     assert time == pytest.approx(pi * sqrt(5e-4 / (2.0 * MODULUS * sqrt(1e-6 / pi))), rel=1e-15)
     body = CONDUCTIVITY, VOLUMETRIC
-    exchange = hits.flat_exchange(5e-4, 1e-6, MODULUS, *body, *body)
+    exchange = impacts.flat_exchange(5e-4, 1e-6, MODULUS, *body, *body)
     effusivity = sqrt(CONDUCTIVITY * VOLUMETRIC)
     assert exchange == pytest.approx(1e-6 * effusivity * sqrt(time / pi), rel=1e-14)
-    assert hits.flat_exchange(5e-4, 0.0, MODULUS, *body, *body) == 0.0
+    assert impacts.flat_exchange(5e-4, 0.0, MODULUS, *body, *body) == 0.0
 
 
 # ---- convection

@@ -9,7 +9,16 @@ import pytest
 
 from multicor_cli.engine.contact import law, rolling
 from multicor_cli.engine.geometry import radii
-from multicor_cli.engine.heat import convection, films, friction, gas, hertz, hits, radiation, views
+from multicor_cli.engine.heat import (
+    convection,
+    films,
+    friction,
+    gas,
+    hertz,
+    impacts,
+    radiation,
+    views,
+)
 from multicor_cli.engine.jit.compile import kernel
 
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3
@@ -24,7 +33,7 @@ def test_limits_of_hertz_contacts():
         1e11 / (2.0 * 0.91), rel=1e-15
     )
     assert hertz.harmonic_mean(15.0, 15.0) == 15.0
-    assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
+    assert friction.first_share(3.0, 3.0) == 0.5
     assert friction.electrothermal_share(5.0, 2.0, 5.0, 2.0) == 0.5
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
     assert radii.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
@@ -57,8 +66,8 @@ def test_exchanging_the_bodies_changes_nothing():
 )
 def test_what_one_body_gains_in_an_impact_the_other_loses(other):
     steel = (15.0, 3.75e6)
-    one = friction.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *steel, *other)
-    assert one == friction.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *other, *steel)
+    one = impacts.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *steel, *other)
+    assert one == impacts.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *other, *steel)
     assert one > 0.0
 
 
@@ -66,12 +75,12 @@ def test_impact_of_unlike_bodies_follows_its_parts():
     m, a_eff, modulus, v = 5e-5, 7.5e-4, 1e11, 0.1
     (k_1, v_1), (k_2, v_2) = (200.0, 2.43e6), (15.0, 3.75e6)
     time, radius = (
-        friction.impact_time(m, a_eff, modulus, v),
-        friction.impact_radius(m, a_eff, modulus, v),
+        impacts.impact_time(m, a_eff, modulus, v),
+        impacts.impact_radius(m, a_eff, modulus, v),
     )
-    factor = friction.impact_coefficient(friction.fourier_number(k_1, v_1, time, radius), v_1 / v_2)
+    factor = impacts.impact_coefficient(impacts.fourier_number(k_1, v_1, time, radius), v_1 / v_2)
     expected = factor * pi * radius**2 * time**0.5 / ((k_1 * v_1) ** -0.5 + (k_2 * v_2) ** -0.5)
-    assert friction.impact_exchange(m, a_eff, modulus, v, k_2, v_2, k_1, v_1) == pytest.approx(
+    assert impacts.impact_exchange(m, a_eff, modulus, v, k_2, v_2, k_1, v_1) == pytest.approx(
         expected, rel=1e-13
     )
 
@@ -79,20 +88,19 @@ def test_impact_of_unlike_bodies_follows_its_parts():
 def test_slow_impacts_exchange_ever_less():
     args = 15.0, 3.75e6, 15.0, 3.75e6
     found = [
-        friction.impact_exchange(5e-5, 7.5e-4, 1e11, v, *args)
-        for v in (0.0, 1e-12, 1e-6, 1e-3, 0.1)
+        impacts.impact_exchange(5e-5, 7.5e-4, 1e11, v, *args) for v in (0.0, 1e-12, 1e-6, 1e-3, 0.1)
     ]
     assert found[0] == 0.0
     assert found == sorted(found)
-    assert friction.impact_exchange(5e-5, 7.5e-4, 1e11, -0.1, *args) == 0.0
-    assert friction.impact_time(5e-5, 7.5e-4, 1e11, 0.0) == float("inf")
+    assert impacts.impact_exchange(5e-5, 7.5e-4, 1e11, -0.1, *args) == 0.0
+    assert impacts.impact_time(5e-5, 7.5e-4, 1e11, 0.0) == float("inf")
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5, 0.5547779, 0.554778, 0.7, 1.0])
 def test_impact_coefficient_rises_smoothly_with_the_fourier_number(ratio):
     """Also where the quotient of the published form is 0/0 (c = 0.55478), and where its root
     ends."""
-    found = [friction.impact_coefficient(0.05 * k, ratio) for k in range(1000)]
+    found = [impacts.impact_coefficient(0.05 * k, ratio) for k in range(1000)]
     assert 0.86 < found[0] < 0.91
     assert all(high >= low for low, high in pairwise(found))
     root = 1.0 / 0.435 * found[1]
@@ -299,13 +307,13 @@ def test_friction_is_cut_to_its_range_and_heats_either_way():
 # ---- compilation
 
 SAMPLES = {
-    "friction.fourier_number": (15.0, 3.75e6, 1.4e-5, 1.9e-5),
-    "friction.impact_coefficient": (0.157, 0.8),
-    "friction.impact_exchange": (5e-5, 7.5e-4, 1e11, 0.1, 15.0, 3.75e6, 200.0, 2.43e6),
-    "friction.impact_radius": (5e-5, 7.5e-4, 1e11, 0.1),
-    "friction.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
-    "hits.flat_time": (5e-5, 3e-6, 1e11),
-    "hits.flat_exchange": (5e-5, 3e-6, 1e11, 15.0, 3.75e6, 200.0, 2.43e6),
+    "impacts.fourier_number": (15.0, 3.75e6, 1.4e-5, 1.9e-5),
+    "impacts.impact_coefficient": (0.157, 0.8),
+    "impacts.impact_exchange": (5e-5, 7.5e-4, 1e11, 0.1, 15.0, 3.75e6, 200.0, 2.43e6),
+    "impacts.impact_radius": (5e-5, 7.5e-4, 1e11, 0.1),
+    "impacts.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
+    "impacts.flat_time": (5e-5, 3e-6, 1e11),
+    "impacts.flat_exchange": (5e-5, 3e-6, 1e11, 15.0, 3.75e6, 200.0, 2.43e6),
     "hertz.biot_number": (5e-4, 15.0 * A),
     "hertz.contact_volume": (0.7, 7.5e-4, 1e11),
     "hertz.contact_radius": (0.7, 7.5e-4, 1e11),
@@ -338,7 +346,6 @@ SAMPLES = {
     "hertz.pressed_length": (0.2, 1.0),
     "hertz.joint_coefficient": (1e6, 15.0, 1e-6, 0.1, 3e9),
     "hertz.side_conductance": (3.0, 3e-6, 2e-4, 15.0, 1e-6, 0.1, 3e9),
-    "hertz.macro_resistance": (1.7e-5, 15.0),
     "hertz.micro_resistance": (1.7e-5, 1.5e9, 15.0, 1e-6, 0.1, 3e9),
     "hertz.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
     "friction.archard_volume": (1e-14, 100.0),
@@ -357,7 +364,7 @@ SAMPLES = {
 }
 
 MODULES = [
-    convection, films, friction, gas, hertz, hits, law, radiation, radii, rolling, views,
+    convection, films, friction, gas, hertz, impacts, law, radiation, radii, rolling, views,
 ]  # fmt: skip
 
 

@@ -15,9 +15,8 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.energy.account import book_exchange
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image, scene_of
 from multicor_cli.engine.heat.books import book_heat_out
-from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Release
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.engine.orders import PhysicsError
+from multicor_cli.engine.orders import InflowRules, Outlet, PhysicsError, Release
 from multicor_cli.model.books import EXCHANGE_NAMES, stored_fields
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
@@ -114,11 +113,6 @@ def book_out(state: State, model: Model, grains: NDArray[np.int64], what: str) -
         book_heat_out(state, state.heat[grains])
 
 
-def book_returned(state: State, model: Model, grains: NDArray[np.int64]) -> None:
-    """Enter grains that have left and go back to wait."""
-    _count(state, model, grains, "returned")
-
-
 def note_presence(state: State, model: Model, behind: int) -> None:
     """Count who is there and who waits, compare all masses; ``behind`` releases found no room."""
     books, mass = state.exchange, model.grains.mass
@@ -198,7 +192,7 @@ def _lose(rules: InflowRules, model: Model, state: State, keep: Callable[[], Non
     if rules.limits is None:
         return
     here = np.flatnonzero(state.presence == Presence.THERE)
-    lost = here[~rules.limits.holds(state.position[here])]
+    lost = here[~rules.limits.contains(state.position[here])]
     if lost.size and rules.stops:
         raise PhysicsError(state.step, _describe_lost(lost, state))
     if lost.size:
@@ -219,15 +213,11 @@ def _describe_lost(lost: NDArray[np.int64], state: State) -> str:
 
 
 def _let_out(
-    rules: InflowRules,
-    number: int,
-    outlet: Outlet,
-    model: Model,
-    state: State,
+    rules: InflowRules, number: int, outlet: Outlet, model: Model, state: State,
     keep: Callable[[], None],
-) -> None:
+) -> None:  # fmt: skip
     here = np.flatnonzero(state.presence == Presence.THERE)
-    leaving = here[outlet.region.holds(state.position[here])]
+    leaving = here[outlet.region.contains(state.position[here])]
     if not leaving.size:
         return
     keep()
@@ -239,7 +229,7 @@ def _let_out(
         leaving[np.isin(model.grains.group[leaving], groups)] if outlet.returns else leaving[:0]
     )
     if returning.size:
-        book_returned(state, model, returning)
+        _count(state, model, returning, "returned")
         state.presence[returning] = Presence.WAITS
 
 
@@ -285,28 +275,22 @@ def _put(
     book_in(state, model, np.array([grain]))
 
 
+_OF_PAIRS = {
+    "contact": ("contact_impulse", "contact_couple", "contact_point"),
+    "near": ("near_points", "near_late"),
+    "mean": ("mean_force",),
+    "bridge": (),
+}
+"""Pairs in a state, by the names of their shapes without ``_i`` and ``_j``; and their values."""
+
+
 def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
-    kept = _among(state.contact_i, state.contact_j, stayed)
-    for name in ("contact_couple", "contact_point"):
-        values = getattr(state, name)
-        if values.size:
-            setattr(state, name, values[kept])
-    state.contact_i, state.contact_j = state.contact_i[kept], state.contact_j[kept]
-    state.contact_impulse = state.contact_impulse[kept]
-    kept = _among(state.near_i, state.near_j, stayed)
-    state.near_i, state.near_j = state.near_i[kept], state.near_j[kept]
-    for name in ("near_points", "near_late"):
-        values = getattr(state, name)
-        if values.size:
-            setattr(state, name, values[kept])
-    kept = _among(state.bridge_i, state.bridge_j, stayed)
-    state.bridge_i, state.bridge_j = state.bridge_i[kept], state.bridge_j[kept]
-    kept = _among(state.mean_i, state.mean_j, stayed)
-    state.mean_i, state.mean_j, state.mean_force = (
-        state.mean_i[kept],
-        state.mean_j[kept],
-        state.mean_force[kept],
-    )
+    for name, values in _OF_PAIRS.items():
+        first, second = f"{name}_i", f"{name}_j"
+        kept = _among(getattr(state, first), getattr(state, second), stayed)
+        for field in (first, second, *values):
+            if getattr(state, field).size:
+                setattr(state, field, getattr(state, field)[kept])
 
 
 def _among(
@@ -325,8 +309,7 @@ def _fields_of(*dims: str) -> tuple[str, ...]:
 
 
 _OF_GRAINS = _fields_of("grain", "heat_grain", "expansion_grain")
-_PAIRS = "contact", "near", "mean", "bridge"
-_SHAPES = tuple(f"{name}_{side}" for name in _PAIRS for side in "ij")
+_SHAPES = tuple(f"{name}_{side}" for name in _OF_PAIRS for side in "ij")
 _SHARED = tuple(
     name
     for name in stored_fields(State)
