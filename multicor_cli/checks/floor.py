@@ -206,9 +206,9 @@ def _escapes(run: Prepared) -> Iterator[Measured]:
         down = _larger(gravity), gravity[_larger(gravity)] < 0.0
         if down in seen:
             continue
-        seen.add(down)
         share = escape_share(run.model, run.state.position, run.state.wall_position, gravity)
         if share is not None:
+            seen.add(down)
             count = run.model.grain_count
             about = f"{round(share * count)} of {count}"
             about += f", gravity of stage {stage.name}" if len(run.plan.stages) > 1 else ""

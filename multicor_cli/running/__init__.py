@@ -43,7 +43,7 @@ def run(
         extend: Whether stages that the scenario has more at its end than the run in the directory
             are added to that run.
         observer: An `Observer`, whose methods are told of every step, of messages and warnings, and
-            of the end; it cannot change the run. Default: none.
+            of the end; it cannot change the run. Default: none; warnings are those of Python.
         steer: A function that is called with a `LiveRun` after steps of stages that are not frozen.
             It reads what there is, and may end the stage, name the next one, or end the run. It
             must decide by what it reads and by ``now.notes`` alone: then the same scenario and
@@ -98,7 +98,7 @@ def run(
     elif overrides:
         raise ValueError("overrides need the path of a scenario file: give them to load_scenario")
     count = reserve_threads(threads or scenario.solver.threads)
-    from multicor_cli.running.outcome import SilentObserver
+    from multicor_cli.running.outcome import QuietObserver
     from multicor_cli.running.session import Session
 
     return Session(
@@ -108,7 +108,7 @@ def run(
         max_seconds=None if max_hours is None else 3600.0 * max_hours,
         overwrite=overwrite,
         extend=extend,
-        observer=observer or SilentObserver(),
+        observer=observer or QuietObserver(),
         steer=steer,
         steer_every=steer_every,
     ).run()

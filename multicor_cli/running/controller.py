@@ -20,7 +20,7 @@ from multicor_cli.running.outcome import (
     OBSERVED,
     STEERED,
     Observer,
-    SilentObserver,
+    QuietObserver,
     StageTimeout,
     Status,
     StopReason,
@@ -172,7 +172,7 @@ class Controller:
     engine: Engine
     recorder: Recorder
     _: KW_ONLY
-    observer: Observer = field(default_factory=SilentObserver)
+    observer: Observer = field(default_factory=QuietObserver)
     stop_signals: StopSignals = field(default_factory=StopSignals)
     deadline: float | None = None
     stage_starts: list[float] = field(default_factory=lambda: [0.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import warnings
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from multicor_cli.model import State
     from multicor_cli.store.documents import StageEnd
 
-# ---- While it runs. The command line shows it; the Python interface ignores it unless asked
+# ---- While it runs. The command line shows it; the Python interface warns, no more unless asked
 
 
 @dataclass(frozen=True)
@@ -54,13 +55,16 @@ class Observer(Protocol):
         """No more steps follow; called however the run ends."""
 
 
-class SilentObserver:
-    """Shows nothing; to derive an observer from that is told of some things only."""
+class QuietObserver:
+    """Gives the warnings of Python, and shows nothing else."""
+
+    def warning(self, text: str) -> None:
+        warnings.warn(text, stacklevel=2)
 
     def _ignore(self, *_: Any, **__: Any) -> None:
         pass
 
-    message = warning = stepped = closed = _ignore
+    message = stepped = closed = _ignore
 
 
 STEERED, OBSERVED = "the program that steers the run", "the observer"

@@ -30,8 +30,8 @@ from multicor_cli.running.outcome import (
     STEERED,
     ExitCode,
     Observer,
+    QuietObserver,
     RunOutcome,
-    SilentObserver,
     StopReason,
     exit_code_of,
 )
@@ -75,7 +75,7 @@ class Session:
     max_seconds: float | None = None
     overwrite: bool = False
     extend: bool = False
-    observer: Observer = field(default_factory=SilentObserver)
+    observer: Observer = field(default_factory=QuietObserver)
     steer: Steer | None = None
     steer_every: int = 1
     stop_signals: StopSignals = field(default_factory=StopSignals)

@@ -313,7 +313,7 @@ def _read_columns(path: Path, name: str, columns: list[Column]) -> list[list[flo
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
     for names, bounds, is_optional in columns:
-        given = [title for title in names if title in header]
+        given = [title for title in header if title in names]
         if is_optional and not given:
             values.append([])
             continue

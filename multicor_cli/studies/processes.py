@@ -38,7 +38,7 @@ from pathlib import Path
 from typing import Any, Never
 
 from multicor_cli.running.machine import available_cores, end_with_parent, python_child
-from multicor_cli.running.outcome import SilentObserver, Status, exit_code_of
+from multicor_cli.running.outcome import QuietObserver, Status, exit_code_of
 from multicor_cli.store.layout import LOCK, PROGRESS, RUN
 
 _LOST = -signal.SIGKILL
@@ -308,7 +308,7 @@ living worker, three times as long as shared file systems keep what they know of
 _PAUSE = 0.5
 
 
-class _Released(SilentObserver):
+class _Released(QuietObserver):
     """Gives the turn to compile to the next case once the first step is done."""
 
     def __init__(self, turn: CompilationTurn) -> None:

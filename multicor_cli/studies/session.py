@@ -125,7 +125,10 @@ class StudySession:
 
 @contextmanager
 def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
-    """Why to stop, if Ctrl-C, SIGTERM or SIGHUP has come; the second Ctrl-C interrupts at once."""
+    """Why to stop, if Ctrl-C, SIGTERM or SIGHUP has come; the second Ctrl-C interrupts at once.
+
+    SIGHUP stays ignored if it was (``nohup``).
+    """
     came: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None
@@ -136,7 +139,9 @@ def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
             raise KeyboardInterrupt
         came.append(number)
 
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
     before = {number: signal.signal(number, note) for number in numbers}
     try:
         yield lambda: StopReason.of_signal(came[0]) if came else None

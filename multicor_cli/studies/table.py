@@ -97,7 +97,7 @@ class StudyTable:
     def lines(self) -> tuple[list[str], list[list[str]]]:
         """Headings and rows for people: numbers with their errors (the larger) in one column."""
         lines = []
-        digits = {key: digits_of(values_of(self.rows, key)) for key in self.keys}
+        digits = _digits(self)
         for row in self.rows:
             values = [
                 shown(row.values[key], digits[key]) if key in row.values else ""
@@ -299,16 +299,24 @@ def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
     for row in rows:
         panel, line = (tuple(row.values.get(key) for key in keys) for keys in (facets, by))
         lines.setdefault(panel, {}).setdefault(line, []).append(row)
-    names = short_names(table.keys)
+    names, digits = short_names(table.keys), _digits(table)
+
+    def label_of(keys: Sequence[str], values: Sequence[Value | None]) -> str:
+        return ", ".join(
+            f"{names[key]} = {shown(value, digits[key])}"
+            for key, value in zip(keys, values, strict=True)
+            if value is not None
+        )
+
     found = []
     for panel, groups in lines.items():
         series = []
         for values, group in groups.items():
-            label = _label(names, by, values)
+            label = label_of(by, values)
             if across is not None:
                 _refuse_same_places(names, group, across, label)
             series.append(_series(label, group, request, across))
-        found.append(Panel(_label(names, facets, panel), series))
+        found.append(Panel(label_of(facets, panel), series))
     return found
 
 
@@ -319,15 +327,16 @@ def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
         raise PlotError(f"the study observes no {request.of}; it observes {observed}")
     needed = {request.of, request.against} & {*table.observables}
     wanted = [(find_key(table, name), text) for name, text in request.where]
+    digits = _digits(table)
     for key, text in wanted:
-        known = list(dict.fromkeys(map(shown, values_of(table.rows, key))))
+        known = [shown(value, digits[key]) for value in values_of(table.rows, key)]
         if text not in known:
             raise PlotError(f"{key} has no value {text}; it has {', '.join(known)}")
     rows = [
         row
         for row in table.rows
         if needed <= row.numbers.keys()
-        and all(shown(row.values[key]) == text for key, text in wanted)
+        and all(shown(row.values[key], digits[key]) == text for key, text in wanted)
     ]
     if not rows:
         what = " and ".join(sorted(needed))
@@ -339,17 +348,14 @@ def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
     return rows
 
 
+def _digits(table: StudyTable) -> dict[str, int]:
+    """With how many digits the values of each key are told apart."""
+    return {key: digits_of(values_of(table.rows, key)) for key in table.keys}
+
+
 def values_of(rows: Iterable[Row], key: str) -> list[Value]:
     """The values that a key takes, each once."""
     return list(dict.fromkeys(row.values[key] for row in rows if key in row.values))
-
-
-def _label(names: dict[str, str], keys: Sequence[str], values: Sequence[Value | None]) -> str:
-    return ", ".join(
-        f"{names[key]} = {shown(value)}"
-        for key, value in zip(keys, values, strict=True)
-        if value is not None
-    )
 
 
 def _refuse_same_places(

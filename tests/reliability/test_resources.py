@@ -85,9 +85,9 @@ SAMPLES = 80
 WATCHED_RUN = f"""
 import os, sys
 from multicor_cli import run
-from multicor_cli.running.outcome import SilentObserver
+from multicor_cli.running.outcome import QuietObserver
 
-class Samples(SilentObserver):
+class Samples(QuietObserver):
     def stepped(self, status):
         if status.state.step % (int(sys.argv[1]) // {SAMPLES}) == 0:
             pages = int(open("/proc/self/statm").read().split()[1])

@@ -12,7 +12,7 @@ from multicor_cli.engine.orders import Interrupted, Settings, StepReport
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import Aim, RestReached, StrainReached
-from multicor_cli.running.outcome import SilentObserver
+from multicor_cli.running.outcome import QuietObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.time_step import Acting, scales_of_stage
 from multicor_cli.scenario.settings import Output
@@ -21,7 +21,7 @@ from multicor_cli.scenario.stage_drives import StageDrives
 KINETIC = BOOK_NAMES.index("kinetic")
 
 
-class StopAt(SilentObserver):
+class StopAt(QuietObserver):
     """Sends the signal to stop after a step; 0: before the first one."""
 
     def __init__(self, step, number=signal.SIGTERM):

@@ -245,3 +245,12 @@ def test_a_floor_holds_those_alone_that_meet_it_where_there_is_gravity(tmp_path)
     text = changed(BOX, (plane, plane + '\ngroups = ["large"]'))
     assert share_of(*placed(tmp_path, text)) == 0.5
     assert "grains without a floor" not in checked(tmp_path, SMALL, gravity(0.0))
+
+
+def test_a_stage_without_gravity_does_not_hide_the_next(tmp_path):
+    """Which throws all grains off the floor."""
+    turned = ("duration = 0.03\n", "gravity = [0.0, 0.0]\nduration = 0.03\n"), (
+        "duration = 0.02\n", "gravity = [0.0, 9.81]\nduration = 0.02\n",
+    )  # fmt: skip
+    found = checked(tmp_path, BOX, *turned)["grains without a floor"]
+    assert found.value == 1.0

@@ -15,7 +15,7 @@ from multicor_cli.engine.orders import PhysicsError, Settings
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.controller import WARM_UP_STEPS, Controller, Pace
-from multicor_cli.running.outcome import SilentObserver, StopReason
+from multicor_cli.running.outcome import QuietObserver, StopReason
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import STOP_SIGNALS, StopSignals
 from multicor_cli.scenario.settings import Output
@@ -169,7 +169,7 @@ def test_finished_state_runs_nothing(reference):
 
 
 def test_observer_sees_every_step_and_a_progress_that_grows():
-    class Listener(SilentObserver):
+    class Listener(QuietObserver):
         def stepped(self, status):
             seen.append((status.state.step, status.stage, status.progress))
 

@@ -16,7 +16,7 @@ from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import build, place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.from_scenario import make_plan
-from multicor_cli.running.outcome import SilentObserver, StopReason, exit_code_of
+from multicor_cli.running.outcome import QuietObserver, StopReason, exit_code_of
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
@@ -30,7 +30,7 @@ drives.bottom = { x = { velocity = 0.0 } }
 """
 
 
-class Recorder(SilentObserver):
+class Recorder(QuietObserver):
     def __init__(self):
         self.messages, self.warnings, self.steps, self.is_closed = [], [], [], False
 
@@ -245,6 +245,10 @@ def test_another_version_may_continue_with_a_warning(path, tmp_path, monkeypatch
         stop_at(patch, 3, lambda _engine: signal.raise_signal(signal.SIGINT))
         run_scenario(path, tmp_path / "run")
     monkeypatch.setattr(session_module, "__version__", "9.9.9")
+    with monkeypatch.context() as patch:
+        stop_at(patch, 6, lambda _engine: signal.raise_signal(signal.SIGINT))
+        with pytest.warns(UserWarning, match=r"this is 9\.9\.9"):
+            run_scenario(path, tmp_path / "run")
     observer = Recorder()
     assert run_scenario(path, tmp_path / "run", observer=observer).is_finished
     assert any("9.9.9" in text for text in observer.warnings)

@@ -79,6 +79,7 @@ def test_mistakes(change, words):
     [
         ("", ["is empty", "let the first line name the columns"]),
         ("time,speed\n0,0\n", ["no column value", "time,value"]),
+        ("time,value,value\n0,0,1\n", ["several columns value", "time,value"]),
         ("time,value\n0,zero\n", ["line 2 of 'motion.csv'", "'zero' is not a number"]),
         ("time,value\n0\n", ["line 2 of 'motion.csv'", "'' is not a number"]),
         ("time,value\n0,nan\n", ["velocity", "line 2 of 'motion.csv'", "value = 'nan' is not finite"]),

@@ -65,6 +65,17 @@ def test_panels_and_some_values_of_a_key():
         make_panels(table(*grid()), PlotRequest("mu", "speed", where=(("friction", "0.3"),)))
 
 
+def test_values_that_are_alike_to_six_digits_are_told_apart():
+    a, b = 0.1234561, 0.1234562
+    rows = [({FRICTION: f, SPEED: s}, f) for f in (a, b) for s in (1.0, 2.0)]
+    (panel,) = make_panels(table(*rows), PlotRequest("mu", "speed"))
+    assert [line.label for line in panel.series] == [f"friction = {value}" for value in (a, b)]
+    (panel,) = make_panels(
+        table(*rows), PlotRequest("mu", "speed", where=(("friction", "0.1234562"),))
+    )
+    assert [line.y.tolist() for line in panel.series] == [[b, b]]
+
+
 def test_an_observable_across():
     """The key with the most values runs along each series."""
     (panel,) = make_panels(table(*grid()), PlotRequest("mu", "I"))

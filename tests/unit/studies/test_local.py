@@ -1,12 +1,15 @@
 """Cases on this machine are given to threads: each in its turn, cancelled if none has begun it,
 stopped if nobody waits."""
 
+import os
+import signal
 import threading
 
 import pytest
 
 from multicor_cli.studies import clusters
 from multicor_cli.studies.clusters import LocalClient
+from multicor_cli.studies.session import _stop_signals
 
 
 def task(name):
@@ -74,3 +77,14 @@ def test_who_leaves_stops_what_runs_and_begins_nothing_more(monkeypatch):
     with pytest.raises(TimeoutError):
         second.result(0.2)
     assert done == ["first"]
+
+
+def test_a_study_goes_on_where_closed_terminals_are_ignored():
+    """As ``nohup`` does."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with _stop_signals() as asked:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert asked() is None
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -13,7 +13,7 @@ import pytest
 from scenes import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.running.outcome import SilentObserver
+from multicor_cli.running.outcome import QuietObserver
 from multicor_cli.store.errors import RunLocked
 from multicor_cli.studies import processes
 from multicor_cli.studies.processes import (
@@ -161,7 +161,7 @@ def test_without_a_place_nobody_waits(tmp_path, monkeypatch):
 #      then out of reach of the other
 
 
-class _Stopping(SilentObserver):
+class _Stopping(QuietObserver):
     """Has another machine take the run at a step, or stops it there."""
 
     def __init__(self, step, act):
