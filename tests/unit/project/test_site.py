@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from inspect import isfunction
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,8 @@ from equations import math_font, set_equations  # noqa: E402
 from examples import FOLDERS, examples, shortened  # noqa: E402
 from keys import SINCE, key_pages  # noqa: E402
 
+from multicor_cli import post  # noqa: E402
+from multicor_cli.post.table import Table  # noqa: E402
 from multicor_cli.scenario.documents import in_line  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "schema" / "multicor.schema.json").read_text(encoding="utf-8"))
@@ -133,6 +136,20 @@ def test_every_key_and_command_stands_on_a_page():
     assert "`--max-hours`" in pages["reference/commands/run.md"]
     assert "## rheology" in pages["reference/commands/post.md"]
     assert "| 75 | time limit reached" in pages["reference/commands/index.md"]
+
+
+def test_every_table_and_what_makes_it_stand_on_the_page_of_python():
+    face = (ROOT / "multicor_cli" / "post" / "__init__.pyi").read_text(encoding="utf-8")
+    found = {name: getattr(post, name) for name in re.findall(r" as (\w+)", face)}
+    tables = {name for name, it in found.items() if isinstance(it, type) and issubclass(it, Table)}
+    makers = {
+        name
+        for name, it in found.items()
+        if isfunction(it) and tables & {*re.findall(r"\w+", it.__annotations__["return"])}
+    }
+    page = (ROOT / "docs" / "reference" / "python" / "post.md").read_text(encoding="utf-8")
+    assert len(makers) > 30
+    assert tables | makers <= {*re.findall(r"^::: [\w.]+\.(\w+)$", page, re.MULTILINE)}
 
 
 def test_values_are_written_as_toml_and_keys_say_their_units():
