@@ -214,11 +214,11 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3], help="[%(default)s]")
     parser.add_argument("--cycles", type=int, default=80, help="of the floor [%(default)s]")
     parser.add_argument(
-        "--accuracies", type=float, nargs="+", default=[4.0, 1.0, 0.25],
+        "--accuracies", type=float, nargs="*", default=[4.0, 1.0, 0.25],
         help="of the automatic step [%(default)s]",
     )  # fmt: skip
     parser.add_argument(
-        "--contact", type=float, nargs="+", default=[1e-5, 5e-5],
+        "--contact", type=float, nargs="*", default=[1e-5, 5e-5],
         help="times of a contact in the reference [s] [%(default)s]",
     )  # fmt: skip
     options = parser.parse_args()

@@ -22,11 +22,11 @@ sys.path.insert(0, str(ROOT))
 from digest_cases import CASES
 
 from multicor_cli import run
-from multicor_cli.running.outcome import SilentObserver, Status
+from multicor_cli.running.outcome import QuietObserver, Status
 from multicor_cli.store.schema import FORMAT_VERSION
 
 
-class Killed(SilentObserver):
+class Killed(QuietObserver):
     def stepped(self, status: Status) -> None:
         if status.state.step == 55:
             signal.raise_signal(signal.SIGUSR1)  # asks for a checkpoint

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.model import Floats, Ints, Model
-
-if TYPE_CHECKING:
-    from multicor_cli.engine.heat.network import NearOutlines
 
 Rows = NDArray[np.int64]
 """Some of the rows of a table."""
@@ -51,6 +48,19 @@ class HeatLaws(NamedTuple):
     wear: Floats
 
 
+class Outlines(Protocol):
+    """Near pairs in which a grain is no disc, as mechanisms ask them: `network.NearOutlines`."""
+
+    def is_of_discs(self) -> NDArray[np.bool_]: ...
+
+    def add_films(
+        self, laws: HeatLaws, gas: float, reach: float, i: Ints, j: Ints, spot: Floats,
+        conductance: Floats,
+    ) -> None: ...  # fmt: skip
+
+    def put_views(self, laws: HeatLaws, i: Ints, j: Ints, gap: Floats, area: Floats) -> None: ...
+
+
 @dataclass(frozen=True)
 class NearPairs:
     """Pairs of bodies near each other, sorted by (i, j), in ``e`` rows of each array.
@@ -63,7 +73,7 @@ class NearPairs:
     j: Ints
     gap: Floats
     spot: Floats
-    outlines: NearOutlines | None = None
+    outlines: Outlines | None = None
 
 
 @dataclass(frozen=True)

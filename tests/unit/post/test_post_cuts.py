@@ -209,7 +209,7 @@ def test_ends_of_the_grains_bound_the_plane():
     model = shaped_model([[box(2.0, 0.2)], [box(2.0, 0.2)]], walls=())
     frame = shaped_frame(np.array([[0.0, 0.0], [3.0, 0.0]]), [0.0, np.pi / 2.0], walls=0)
     source = source_of(model, [frame])
-    assert plane_width(source, frame) == pytest.approx(4.1)
+    assert plane_width(source, source.frames[0]) == pytest.approx(4.1)
     found = turned_run(source)
     assert plane_width(found, found.frames[0]) == pytest.approx(2.0)  # what was its height
     assert reach_of(model, frame)[1] == pytest.approx(np.array([[1.0, 0.1], [0.1, 1.0]]))

@@ -49,7 +49,8 @@ def scene_of(kinds, geometry, pose, *, period=0.0):
     model = make_model([0.5, 0.5], shapes, ("bottom", "top"), period=period)
     walls = np.array([pose, [0.0, 0.0, 0.0]])
     frame = frame_of([[0.5, 0.5], [4.5, 0.5]], wall_position=walls)
-    return post.make_scene(source_of(model, [frame]), frame)
+    source = source_of(model, [frame])
+    return post.make_scene(source, source.frames[0])
 
 
 def test_walls_are_turned_and_moved_with_their_frame():
