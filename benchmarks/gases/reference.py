@@ -45,19 +45,18 @@ def next_event(place, velocity, radius, box, gravity, i, now):
 
 
 @njit
-def collide(place, velocity, surface, radius, mass, box, e, mu, beta, i, j):
-    """Newton's impact with Coulomb's friction; ``surface`` are speeds a ω, ``beta`` m a²/I."""
-    n = radius.size
+def strike(velocity, surface, mass, e, mu, beta, i, j, nx, ny, speed):
+    """Newton's impact with Coulomb's friction on a normal (nx, ny), from j to i.
+
+    ``surface`` are speeds a ω, ``beta`` m a²/I. From n on j is a wall, with a ``speed`` along y.
+    """
+    n = mass.size
+    u, v, inverse, spin = velocity[i, 0], velocity[i, 1], 1.0 / mass[i], surface[i]
     if j < n:
-        dx, dy = place[i, 0] - place[j, 0], place[i, 1] - place[j, 1]
-        distance = sqrt(dx * dx + dy * dy)
-        nx, ny = dx / distance, dy / distance
-        u, v = velocity[i, 0] - velocity[j, 0], velocity[i, 1] - velocity[j, 1]
-        inverse, spin = 1.0 / mass[i] + 1.0 / mass[j], surface[i] + surface[j]
+        u, v = u - velocity[j, 0], v - velocity[j, 1]
+        inverse, spin = inverse + 1.0 / mass[j], spin + surface[j]
     else:
-        d, sign = (j - n) // 2, 1.0 if (j - n) % 2 == 0 else -1.0
-        nx, ny = (sign, 0.0) if d == 0 else (0.0, sign)
-        u, v, inverse, spin = velocity[i, 0], velocity[i, 1], 1.0 / mass[i], surface[i]
+        v -= speed
     u_n, u_t = u * nx + v * ny, v * nx - u * ny - spin
     p_n = max(0.0, -(1.0 + e) * u_n / inverse)
     p_t = min(max(-u_t / ((1.0 + beta) * inverse), -mu * p_n), mu * p_n)
@@ -69,6 +68,20 @@ def collide(place, velocity, surface, radius, mass, box, e, mu, beta, i, j):
         velocity[j, 0] -= px / mass[j]
         velocity[j, 1] -= py / mass[j]
         surface[j] -= beta * p_t / mass[j]
+
+
+@njit
+def collide(place, velocity, surface, radius, mass, e, mu, beta, i, j):
+    """The impact of disc i on another, or on a side of the box."""
+    n = radius.size
+    if j < n:
+        dx, dy = place[i, 0] - place[j, 0], place[i, 1] - place[j, 1]
+        distance = sqrt(dx * dx + dy * dy)
+        nx, ny = dx / distance, dy / distance
+    else:
+        sign = 1.0 if (j - n) % 2 == 0 else -1.0
+        nx, ny = (sign, 0.0) if j - n < 2 else (0.0, sign)
+    strike(velocity, surface, mass, e, mu, beta, i, j, nx, ny, 0.0)
 
 
 @njit
@@ -94,7 +107,7 @@ def simulate(place, velocity, surface, radius, mass, box, gravity, e, mu, beta, 
         if time[i] >= end:
             return impacts
         j = partner[i]
-        collide(place, velocity, surface, radius, mass, box, e, mu, beta, i, j)
+        collide(place, velocity, surface, radius, mass, e, mu, beta, i, j)
         impacts += 1
         for k in range(n):
             if k in (i, j) or partner[k] == i or (j < n and partner[k] == j):

@@ -20,6 +20,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 from numba import njit
+from reference import strike
 
 from multicor_cli import Scenario, load_scenario, open_run
 from multicor_cli import run as run_scenario
@@ -31,8 +32,6 @@ DISC = 2.0
 
 SHRUNK = 1.0 - 1e-4
 """Radii of the reference over those of the bed, which touch."""
-
-NAMES = "spin", "x", "y", "height"
 
 
 @njit
@@ -75,39 +74,14 @@ def _next_event(place, velocity, radius, period, i, now, end):
 
 @njit
 def _collide(place, velocity, surface, mass, period, e, mu, i, j, now):
-    """Newton's impact with Coulomb's friction; ``surface`` are speeds a ω."""
-    n, omega = mass.size, 2.0 * pi * FREQUENCY
-    u, v, inverse, spin, nx, ny = (
-        velocity[i, 0],
-        velocity[i, 1],
-        1.0 / mass[i],
-        surface[i],
-        0.0,
-        1.0,
-    )
-    if j < n:
+    """The impact of disc i on another, or on the floor."""
+    omega, nx, ny = 2.0 * pi * FREQUENCY, 0.0, 1.0
+    if j < mass.size:
         dx, dy = place[i, 0] - place[j, 0], place[i, 1] - place[j, 1]
         dx -= period * floor(dx / period + 0.5)
         nx, ny = dx / sqrt(dx * dx + dy * dy), dy / sqrt(dx * dx + dy * dy)
-        u, v, inverse, spin = (
-            u - velocity[j, 0],
-            v - velocity[j, 1],
-            inverse + 1.0 / mass[j],
-            spin + surface[j],
-        )
-    else:
-        v -= PEAK * GRAVITY / omega * cos(omega * now)
-    u_n, u_t = u * nx + v * ny, v * nx - u * ny - spin
-    p_n = max(0.0, -(1.0 + e) * u_n / inverse)
-    p_t = min(max(-u_t / ((1.0 + DISC) * inverse), -mu * p_n), mu * p_n)
-    px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
-    velocity[i, 0] += px / mass[i]
-    velocity[i, 1] += py / mass[i]
-    surface[i] -= DISC * p_t / mass[i]
-    if j < n:
-        velocity[j, 0] -= px / mass[j]
-        velocity[j, 1] -= py / mass[j]
-        surface[j] -= DISC * p_t / mass[j]
+    speed = PEAK * GRAVITY / omega * cos(omega * now)
+    strike(velocity, surface, mass, e, mu, DISC, i, j, nx, ny, speed)
 
 
 @njit
