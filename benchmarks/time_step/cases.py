@@ -108,9 +108,9 @@ class Case:
         ]
 
 
-def automatic_step(inertial: float, friction: float) -> float:
+def automatic_step(inertial: float, friction: float, restitution: float) -> float:
     """The automatic time step of this flow over τ."""
-    return Scales(1.0, 1.0 / inertial, math.inf, friction).limit
+    return Scales(1.0, 1.0 / inertial, math.inf, friction, restitution=restitution).limit
 
 
 def all_cases(
@@ -130,7 +130,7 @@ def all_cases(
     ]
     for number in inertial:
         if accuracies:
-            step = automatic_step(number, friction)
+            step = automatic_step(number, friction, restitution)
             choices = [(factor * step, DEFAULT) for factor in ACCURACIES]
         for step, tolerance in TRADES if trades else choices:
             for seed in seeds:

@@ -21,6 +21,7 @@ from multicor_cli.running.time_step import (
     StepReview,
     largest_friction,
     largest_gravity,
+    largest_restitution,
     largest_speed,
 )
 from multicor_cli.scenario.heat import PrescribedForce
@@ -82,8 +83,9 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
         shear = 1.0 / rate if rate > 0.0 else math.inf
         scales = Scales(
-            math.sqrt(mass * area / (0.5 * trace)), shear, math.inf, friction, errors=errors
-        )
+            math.sqrt(mass * area / (0.5 * trace)), shear, math.inf, friction, errors=errors,
+            restitution=largest_restitution(model),
+        )  # fmt: skip
         yield Measured(float(used.max()) / scales.limit, said)
 
 

@@ -4,7 +4,8 @@ What a longer step does to a flow has been measured (``benchmarks/time_step``): 
 fraction depend on two ratios, Δt to the time √(m̄/P) in which the pressure moves a grain by its own
 size, and Δt to the time 1/γ̇ of one unit of strain. The second one is the sliding distance per step
 over the diameter. It is also the angle by which contacts turn in a step, and so the curvature that
-a step cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid
+a step cuts off. The more friction, the shorter the step has to be, and where grains lose little in
+impacts, so that many follow one another. Overlaps do not limit it: rigid
 grains are kept apart at any step. What walls, loads and gravity are told to do is sampled once in a
 step, so their periods limit it, too. A step that the scenario gives does not pass here.
 """
@@ -43,6 +44,9 @@ STRAIN = 0.005
 
 HIGH_FRICTION = 0.5
 """Coefficient of friction above which these two fall, as its powers -5/2 and -2."""
+
+ELASTIC, SHORTENED = 0.8, 0.25
+"""Coefficient of restitution e above which they fall as 1 − e, and the least that is left."""
 
 ADHESION = 0.1
 """Largest Δt over the time √(2 m ℓ/F_a) in which adhesion carries a grain across its range."""
@@ -178,6 +182,7 @@ class Scales:
             is the smaller of the mean masses of their grains.
         errors: Errors that are asked for, over those of the default.
         strained_by: What sets the rate of strain.
+        restitution: Largest coefficient of restitution between grains.
     """
 
     pressure: float
@@ -192,6 +197,7 @@ class Scales:
     adhesion: float = math.inf
     errors: float = 1.0
     strained_by: str = "moving walls"
+    restitution: float = 0.0
 
     @property
     def limit(self) -> float:
@@ -211,9 +217,10 @@ class Scales:
         excess = max(1.0, self.friction / HIGH_FRICTION)
         square = excess * excess
         errors, at_most = self.errors, min(1.0, self.errors)
+        of_flow = errors * max(SHORTENED, min(1.0, (1.0 - self.restitution) / (1.0 - ELASTIC)))
         return {
-            "the pressure": errors * PRESSURE / (square * math.sqrt(excess)) * self.pressure,
-            f"the strain of {self.strained_by}": errors * STRAIN / square * self.strain,
+            "the pressure": of_flow * PRESSURE / (square * math.sqrt(excess)) * self.pressure,
+            f"the strain of {self.strained_by}": of_flow * STRAIN / square * self.strain,
             self.fastest: at_most * TRAVEL * self.travel,
             f"the period of {self.cycle}": at_most * PERIOD * self.period,
             f"{OSCILLATIONS:g} periods of {self.heat_cycle}": OSCILLATIONS * self.heat,
@@ -257,6 +264,7 @@ def scales_of_stage(
         adhesion_time(model),
         scenario.stage_solver(number).error_factor,
         strained_by,
+        largest_restitution(model),
     )
 
 
@@ -333,6 +341,12 @@ def largest_friction(model: Model, laws: ContactLaws) -> float:
     """Largest coefficient of friction between grains at any speed, at the reference temperature."""
     materials = set(model.grains.material.tolist())
     return max(pair_friction(laws, a, b) for a in materials for b in materials)
+
+
+def largest_restitution(model: Model) -> float:
+    """Largest coefficient of restitution between grains."""
+    materials = np.flatnonzero(np.bincount(model.grains.material))
+    return float(model.laws.restitution[np.ix_(materials, materials)].max(initial=0.0))
 
 
 def pair_friction(laws: ContactLaws, a: int, b: int) -> float:

@@ -245,6 +245,19 @@ def test_friction_between_grains_shortens_the_step():
         assert scales_of_drives(scenario, model, still).friction == largest
 
 
+@pytest.mark.parametrize(
+    ("restitution", "share"), [(0.0, 1.0), (0.8, 1.0), (0.85, 0.75), (0.9, 0.5), (1.0, 0.25)]
+)
+def test_grains_that_lose_little_shorten_the_step(restitution, share):
+    for scales in ((1.0, np.inf, np.inf), (np.inf, 1.0, np.inf)):
+        ratio = Scales(*scales, restitution=restitution).limit / Scales(*scales).limit
+        assert ratio == pytest.approx(share)
+    assert Scales(np.inf, np.inf, 1.0, restitution=restitution).limit == TRAVEL
+    scenario, model, _ = planned(f"contacts.0.restitution={restitution}")
+    still = [WallDrive()] * model.wall_count
+    assert scales_of_drives(scenario, model, still).restitution == restitution
+
+
 def test_a_stage_under_way_keeps_its_step():
     scenario, model, plan = planned()
     _, state = build(scenario)
