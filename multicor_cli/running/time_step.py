@@ -345,8 +345,8 @@ def largest_friction(model: Model, laws: ContactLaws) -> float:
 
 def largest_restitution(model: Model) -> float:
     """Largest coefficient of restitution between grains."""
-    materials = np.flatnonzero(np.bincount(model.grains.material))
-    return float(model.laws.restitution[np.ix_(materials, materials)].max(initial=0.0))
+    materials = set(model.grains.material.tolist())
+    return max(float(model.laws.restitution[a, b]) for a in materials for b in materials)
 
 
 def pair_friction(laws: ContactLaws, a: int, b: int) -> float:
